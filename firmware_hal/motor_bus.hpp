@@ -1,0 +1,40 @@
+// The one interface between control and motors, simulated or real.
+// exchange() runs in the control thread: noexcept, and a real bus never allocates or locks in it.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "control/joint_types.hpp"
+
+namespace clamber {
+
+enum class BusStatus : std::uint8_t { kOk, kLate, kDown };
+
+struct BusCounters {
+  std::uint64_t exchanges = 0;
+  std::uint64_t missing_replies = 0;
+  std::uint64_t late = 0;
+};
+
+class MotorBus {
+ public:
+  MotorBus() = default;
+  MotorBus(const MotorBus&) = delete;
+  MotorBus& operator=(const MotorBus&) = delete;
+  virtual ~MotorBus() = default;
+
+  /// Number of joints; commands and states are in the robot model's joint order.
+  [[nodiscard]] virtual int joint_count() const noexcept = 0;
+  /// Switches the drives on (start-up thread).
+  [[nodiscard]] virtual BusStatus enable() = 0;
+  /// Sends all commands and fills all states; returns by `deadline_ns` (CLOCK_MONOTONIC; 0: none).
+  [[nodiscard]] virtual BusStatus exchange(std::span<const JointCommand> commands,
+                                           std::span<JointState> states,
+                                           std::int64_t deadline_ns) noexcept = 0;
+  /// Switches the drives off.
+  virtual void disable() noexcept = 0;
+  [[nodiscard]] virtual BusCounters counters() const noexcept = 0;
+};
+
+}  // namespace clamber
