@@ -10,10 +10,10 @@ namespace clamber {
 
 /// Results of forward_kinematics() for one configuration.
 struct RobotData {
-  std::array<Pose, kMaxBodies> X_WB;              ///< body frames in the world
-  std::array<Eigen::Vector3d, kMaxBodies> axis_W; ///< joint axes in the world (index = body)
-  std::array<Eigen::Vector3d, kMaxBodies> com_W;  ///< body centres of mass in the world, m
-  Eigen::Vector3d com = Eigen::Vector3d::Zero();  ///< the robot's centre of mass, m
+  std::array<Pose, kMaxBodies> X_WB;               ///< body frames in the world
+  std::array<Eigen::Vector3d, kMaxBodies> axis_W;  ///< joint axes in the world (index = body)
+  std::array<Eigen::Vector3d, kMaxBodies> com_W;   ///< body centres of mass in the world, m
+  Eigen::Vector3d com = Eigen::Vector3d::Zero();   ///< the robot's centre of mass, m
 };
 
 /// Fills X_WB, axis_W, com_W and com.
