@@ -1,5 +1,5 @@
-// One controller tick as fixed-size plain data: what the ring carries, the run log stores and DDS sends.
-// Any thread; allocates: never; blocks: never.
+// One controller tick as fixed-size plain data: what the ring carries, the run log stores and DDS
+// sends. Any thread; allocates: never; blocks: never.
 #pragma once
 
 #include <array>
@@ -21,8 +21,8 @@ struct TelemetryFrame {
   double plan_time = 0.0;      ///< s on the plan's clock
   std::uint32_t joint_count = 0;
   std::uint32_t contact_count = 0;
-  std::uint32_t phase = 0;     ///< index of the plan's phase (a phase: constant contact set)
-  std::uint32_t flags = 0;     ///< bit 0: simulation truth below is valid
+  std::uint32_t phase = 0;  ///< index of the plan's phase (a phase: constant contact set)
+  std::uint32_t flags = 0;  ///< bit 0: simulation truth below is valid
   std::array<double, kMaxJoints> q_ref{};     ///< rad
   std::array<double, kMaxJoints> q{};         ///< rad
   std::array<double, kMaxJoints> dq{};        ///< rad/s
@@ -30,12 +30,13 @@ struct TelemetryFrame {
   std::array<double, kMaxJoints> tau_cmd{};   ///< N m, commanded
   std::array<double, kMaxJoints> tau_meas{};  ///< N m, measured
   // Simulation truth (flags bit 0).
-  std::array<double, 3> base_position{};           ///< m
-  std::array<double, 4> base_orientation{};        ///< w x y z
-  std::array<double, kMaxContacts> force_obstacle{};  ///< N, normal force of each contact link on obstacles
-  std::array<double, kMaxContacts> force_floor{};     ///< N, on the floor
-  double force_forbidden = 0.0;  ///< N, carried by torso and pelvis
-  double force_other = 0.0;      ///< N, carried by links that are neither contact links nor forbidden
+  std::array<double, 3> base_position{};     ///< m
+  std::array<double, 4> base_orientation{};  ///< w x y z
+  std::array<double, kMaxContacts>
+      force_obstacle{};  ///< N, normal force of each contact link on obstacles
+  std::array<double, kMaxContacts> force_floor{};  ///< N, on the floor
+  double force_forbidden = 0.0;                    ///< N, carried by torso and pelvis
+  double force_other = 0.0;  ///< N, carried by links that are neither contact links nor forbidden
 };
 static_assert(std::is_trivially_copyable_v<TelemetryFrame>);
 
