@@ -1,0 +1,127 @@
+// The plan image: a plan as one fixed-layout block of bytes that the controller checks and uses in
+// place (a file read whole, or a flash sector).
+// Any thread; allocates: never; blocks: never; throws: never.
+//
+// Layout, little-endian: PlanImageHeader | keyframe_count x ImageKeyframe | CRC-32C of all before
+// it.
+#pragma once
+
+#include <array>
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string_view>
+#include <type_traits>
+
+#include "robot_model/types.hpp"
+
+namespace clamber {
+
+static_assert(std::endian::native == std::endian::little, "images are used in place");
+
+inline constexpr std::array<char, 8> kPlanImageMagic = {'C', 'L', 'M', 'B', 'P', 'L', 'A', 'N'};
+inline constexpr std::uint32_t kPlanImageVersion = 1;
+inline constexpr std::uint32_t kMaxKeyframes = 8192;
+
+struct PlanImageHeader {
+  std::array<char, 8> magic = kPlanImageMagic;
+  std::uint32_t version = kPlanImageVersion;
+  std::uint32_t joint_count = 0;
+  std::uint32_t keyframe_count = 0;
+  std::uint32_t reserved = 0;
+  std::array<char, 64> robot_hash{};     ///< hex, zero-padded
+  std::array<char, 64> scenario_hash{};  ///< hex, zero-padded
+  double friction = 0.0;
+  double duration = 0.0;  ///< s, the last keyframe's time
+};
+
+struct ImageKeyframe {
+  double time = 0.0;  ///< s; the first keyframe's is 0
+  std::uint32_t phase = 0;
+  std::uint32_t reserved = 0;
+  std::array<double, kMaxJoints> q{};    ///< rad, the model's joint order; zero beyond the joints
+  std::array<double, kMaxJoints> tau{};  ///< N m, feed-forward
+};
+
+static_assert(std::is_trivially_copyable_v<PlanImageHeader> && sizeof(PlanImageHeader) == 168);
+static_assert(std::is_trivially_copyable_v<ImageKeyframe> && sizeof(ImageKeyframe) == 528);
+
+enum class PlanImageStatus : std::uint8_t {
+  kOk,
+  kTruncated,   ///< fewer bytes than a header, or other than the header announces
+  kMisaligned,  ///< the block does not start on an 8-byte boundary
+  kBadMagic,
+  kBadVersion,
+  kBadKeyframeCount,  ///< fewer than 2 or more than kMaxKeyframes
+  kBadCrc,
+  kBadJointCount,  ///< not the robot's
+  kOtherRobot,     ///< made for a robot model with another hash
+  kNotFinite,
+  kTimeNotIncreasing,  ///< or not starting at 0, or not ending at the duration
+  kPositionLimit,      ///< a keyframe outside the joint limits
+  kTorqueLimit,        ///< a feed-forward torque beyond the joint's torque limit
+};
+
+[[nodiscard]] const char* to_string(PlanImageStatus status) noexcept;
+
+/// What the controller demands of an image. Limits: one entry per joint.
+struct PlanRequirements {
+  std::string_view robot_hash;
+  std::span<const double> lower;         ///< rad
+  std::span<const double> upper;         ///< rad
+  std::span<const double> torque_limit;  ///< N m
+  double tolerance = 1e-6;               ///< rad or N m beyond a limit that rounding may explain
+};
+
+/// A checked image, looked at where it lies.
+class PlanImageView {
+ public:
+  PlanImageView() = default;
+  PlanImageView(const PlanImageHeader* header, std::span<const ImageKeyframe> keyframes)
+      : header_(header), keyframes_(keyframes) {}
+
+  [[nodiscard]] const PlanImageHeader& header() const noexcept { return *header_; }
+  [[nodiscard]] std::span<const ImageKeyframe> keyframes() const noexcept { return keyframes_; }
+
+  // The knots of the joint spline (control/spline.hpp).
+  [[nodiscard]] std::size_t size() const noexcept { return keyframes_.size(); }
+  [[nodiscard]] std::size_t dimensions() const noexcept { return header_->joint_count; }
+  [[nodiscard]] double time(std::size_t i) const noexcept { return keyframes_[i].time; }
+  [[nodiscard]] double value(std::size_t i, std::size_t joint) const noexcept {
+    return keyframes_[i].q[joint];
+  }
+
+ private:
+  const PlanImageHeader* header_ = nullptr;
+  std::span<const ImageKeyframe> keyframes_;
+};
+
+/// The keyframe that an unacceptable image failed at, for the message to the operator.
+struct PlanImageFault {
+  std::uint32_t keyframe = 0;
+  std::uint32_t joint = 0;
+};
+
+/// Checks `bytes` and, if all is well, sets `view` to look into them; they must outlive it.
+[[nodiscard]] PlanImageStatus open_plan_image(std::span<const std::byte> bytes,
+                                              const PlanRequirements& robot, PlanImageView& view,
+                                              PlanImageFault* fault = nullptr) noexcept;
+
+[[nodiscard]] constexpr std::size_t plan_image_size(std::size_t keyframes) noexcept {
+  return sizeof(PlanImageHeader) + keyframes * sizeof(ImageKeyframe) + sizeof(std::uint32_t);
+}
+
+/// Writes header, keyframes and checksum. The header's keyframe_count and duration are taken from
+/// the keyframes. False when `out` is not plan_image_size() long.
+[[nodiscard]] bool write_plan_image(PlanImageHeader header,
+                                    std::span<const ImageKeyframe> keyframes,
+                                    std::span<std::byte> out) noexcept;
+
+/// Feed-forward torque of `joint` at time t in keyframe interval `segment`: straight between the
+/// keyframes. The equilibrium program's torques may jump where a contact is made, and a spline
+/// through a jump would overshoot beyond what the program allowed.
+[[nodiscard]] double feed_forward(const PlanImageView& plan, double t, std::size_t segment,
+                                  std::size_t joint) noexcept;
+
+}  // namespace clamber
