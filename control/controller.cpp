@@ -171,12 +171,14 @@ void Controller::reference_to_start() noexcept {
 
 void Controller::reference_on_plan() noexcept {
   spline_.locate(plan_time_, segment_);
+  const ImageKeyframe& a = plan_.keyframes()[segment_];
+  const ImageKeyframe& b = plan_.keyframes()[segment_ + 1];
   for (std::size_t j = 0; j < config_.joint_count; ++j) {
     const JointControl& joint = config_.joints[j];
     const Spline::Sample x = spline_.evaluate(plan_time_, segment_, j);
     reference_[j] = {.q = std::clamp(x.value, joint.lower, joint.upper),
                      .dq = x.rate * config_.time_scale,
-                     .tau = feed_forward(plan_, plan_time_, segment_, j)};
+                     .tau = interpolate_linear(plan_time_, a.time, a.tau[j], b.time, b.tau[j])};
   }
 }
 

@@ -131,12 +131,4 @@ bool write_plan_image(PlanImageHeader header, std::span<const ImageKeyframe> key
   return true;
 }
 
-double feed_forward(const PlanImageView& plan, double t, std::size_t segment,
-                    std::size_t joint) noexcept {
-  const ImageKeyframe& a = plan.keyframes()[segment];
-  const ImageKeyframe& b = plan.keyframes()[segment + 1];
-  const double s = std::clamp((t - a.time) / (b.time - a.time), 0.0, 1.0);
-  return a.tau[joint] + s * (b.tau[joint] - a.tau[joint]);
-}
-
 }  // namespace clamber

@@ -118,10 +118,4 @@ struct PlanImageFault {
                                     std::span<const ImageKeyframe> keyframes,
                                     std::span<std::byte> out) noexcept;
 
-/// Feed-forward torque of `joint` at time t in keyframe interval `segment`: straight between the
-/// keyframes. The equilibrium program's torques may jump where a contact is made, and a spline
-/// through a jump would overshoot beyond what the program allowed.
-[[nodiscard]] double feed_forward(const PlanImageView& plan, double t, std::size_t segment,
-                                  std::size_t joint) noexcept;
-
 }  // namespace clamber

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -17,6 +18,13 @@ enum class SplineStatus : std::uint8_t {
   kTimeNotIncreasing,  ///< or not finite
   kWorkspaceTooSmall,
 };
+
+/// Straight between (t0, x0) and (t1, x1), held outside. For feed-forward torques: they may jump
+/// where a contact is made, and a spline through a jump would overshoot what the plan allowed.
+[[nodiscard]] inline double interpolate_linear(double t, double t0, double x0, double t1,
+                                               double x1) noexcept {
+  return x0 + std::clamp((t - t0) / (t1 - t0), 0.0, 1.0) * (x1 - x0);
+}
 
 /// What a spline needs to know of its knots: size(), dimensions(), time(i) in s, value(i, d).
 template <class T>
