@@ -2,6 +2,11 @@
 // Any thread; allocates: only where a DDS type holds sequences; blocks: never.
 #pragma once
 
+#include <array>
+#include <cstdint>
+#include <string>
+#include <type_traits>
+
 #include "clamber_telemetry.h"
 #include "ros2_joint_state.h"
 #include "telemetry/frame.hpp"
@@ -9,8 +14,11 @@
 
 namespace clamber {
 
-inline constexpr int kMaxBatch = static_cast<int>(msg::dds_::MAX_BATCH);
-static_assert(kMaxJoints == msg::dds_::MAX_JOINTS && kMaxContacts == msg::dds_::MAX_CONTACTS);
+inline constexpr int kMaxBatch = 10;
+static_assert(std::tuple_size_v<std::decay_t<decltype(msg::dds_::Batch_().frames())>> == kMaxBatch);
+static_assert(std::tuple_size_v<std::decay_t<decltype(msg::dds_::Frame_().q())>> == kMaxJoints);
+static_assert(std::tuple_size_v<std::decay_t<decltype(msg::dds_::Frame_().force_floor())>> ==
+              kMaxContacts);
 
 /// Joint and force arrays become single precision: 1e-6 N m, and half the datagram.
 void to_wire(const TelemetryFrame& frame, msg::dds_::Frame_& wire) noexcept;
