@@ -30,12 +30,11 @@ double JointPid::update(double q_ref, double q, double dq, double tau_ff) noexce
   const double error = q_ref - q;
   rate_ += filter_share_ * (dq - rate_);
   const double pd = gains_.kp * error - gains_.kd * rate_ + tau_ff;
-  if (rebase_) {
-    transfer_ = output_ - pd - integral_;
-    rebase_ = false;
-  }
   const double step = gains_.ki * error * dt_;
-  const double wanted = pd + integral_ + step + transfer_;
+  const double pid = pd + integral_ + step;
+  if (rebase_) transfer_ = output_ - pid;
+  rebase_ = false;
+  const double wanted = pid + transfer_;
   const double low = std::max(-limits_.torque, output_ - limits_.torque_rate * dt_);
   const double high = std::min(limits_.torque, output_ + limits_.torque_rate * dt_);
   output_ = std::clamp(wanted, low, high);

@@ -1,0 +1,265 @@
+#include "control/controller.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <limits>
+
+#include "tests/control/test_plan.hpp"
+
+namespace clamber {
+namespace {
+
+constexpr std::uint32_t kJoints = 4;
+constexpr std::size_t kKeyframes = 31;  // 3 s
+
+struct Rig {
+  ControllerConfig config = test::make_config(kJoints);
+  std::vector<std::byte> image =
+      test::make_image(kJoints, test::smooth_keyframes(kJoints, kKeyframes));
+  std::vector<double> workspace = std::vector<double>(Controller::workspace_size(kKeyframes));
+  test::PlantRobot robot{kJoints};
+  Controller controller;
+  TelemetryFrame frame;
+  TickStatus status = TickStatus::kWaiting;
+
+  LoadReport load() { return controller.load(config, test::kRobotHash, image, workspace); }
+  void tick() {
+    status = controller.tick(robot.states, robot.commands, frame);
+    robot.step(config.dt);
+  }
+  void run(int ticks) {
+    for (int i = 0; i < ticks; ++i) tick();
+  }
+  void place(double q) {
+    for (std::size_t j = 0; j < kJoints; ++j) robot.states[j].q = robot.plants[j].q = q;
+  }
+};
+
+TEST(Controller, WalksThroughItsModesAndArrives) {
+  Rig rig;
+  ASSERT_EQ(rig.load().status, LoadStatus::kOk);
+  std::array<int, 6> seen{};
+  std::uint64_t ticks = 0;
+  do {
+    rig.tick();
+    ++seen[static_cast<std::size_t>(rig.status)];
+    ++ticks;
+  } while (rig.status != TickStatus::kFinished && ticks < 10000);
+  EXPECT_EQ(seen[static_cast<std::size_t>(TickStatus::kMovingToStart)], 200);
+  EXPECT_EQ(seen[static_cast<std::size_t>(TickStatus::kTracking)], 3000);
+  EXPECT_EQ(seen[static_cast<std::size_t>(TickStatus::kHolding)], 300);
+  EXPECT_EQ(ticks, rig.controller.expected_ticks() + 1);
+  const ImageKeyframe last = test::smooth_keyframes(kJoints, kKeyframes).back();
+  for (std::size_t j = 0; j < kJoints; ++j) {
+    EXPECT_EQ(rig.frame.q_ref[j], last.q[j]);
+    EXPECT_NEAR(rig.robot.states[j].q, last.q[j], 0.01);
+  }
+  EXPECT_EQ(rig.frame.phase, last.phase);
+}
+
+TEST(Controller, ReferencePassesThroughEveryKeyframe) {
+  Rig rig;
+  ASSERT_EQ(rig.load().status, LoadStatus::kOk);
+  const auto keyframes = test::smooth_keyframes(kJoints, kKeyframes);
+  rig.run(200);
+  for (std::size_t i = 0; i < 3000; ++i) {
+    rig.tick();
+    if (i % 100 != 0) continue;
+    const ImageKeyframe& k = keyframes[i / 100];
+    EXPECT_NEAR(rig.frame.plan_time, k.time, 1e-12);
+    for (std::size_t j = 0; j < kJoints; ++j) {
+      EXPECT_NEAR(rig.frame.q_ref[j], k.q[j], 1e-12);
+      EXPECT_NEAR(rig.frame.tau_ff[j], k.tau[j], 1e-9);
+    }
+  }
+}
+
+TEST(Controller, ReferenceIsSmoothFromTheMeasuredPostureOn) {
+  Rig rig;
+  rig.place(0.2);
+  ASSERT_EQ(rig.load().status, LoadStatus::kOk);
+  std::array<double, 3> last{};
+  for (int i = 0; i < 5000; ++i) {
+    rig.tick();
+    ASSERT_NE(rig.status, TickStatus::kFault);
+    const double q = rig.frame.q_ref[0];
+    const double acceleration = (q - 2.0 * last[0] + last[1]) / 1e-6;
+    if (i == 0) {
+      EXPECT_EQ(q, 0.2);
+    }
+    // A step of 10 microradians in the reference would show as 10 rad/s^2.
+    if (i > 2) {
+      EXPECT_LT(std::abs(acceleration), 6.0) << i;
+    }
+    last = {q, last[0], last[1]};
+  }
+}
+
+TEST(Controller, TakesOverWithoutATorqueStep) {
+  Rig rig;
+  for (auto& s : rig.robot.states) s.tau = 7.0;
+  rig.place(0.1);
+  ASSERT_EQ(rig.load().status, LoadStatus::kOk);
+  rig.tick();
+  for (const auto& c : rig.robot.commands) EXPECT_DOUBLE_EQ(c.tau, 7.0);
+}
+
+TEST(Controller, ChangesGainsAndFeedForwardWithoutATorqueStep) {
+  Rig rig;
+  ASSERT_EQ(rig.load().status, LoadStatus::kOk);
+  rig.run(1500);
+  auto before = rig.robot.commands;
+  rig.controller.set_feed_forward(FeedForward::kNone);
+  rig.tick();
+  for (std::size_t j = 0; j < kJoints; ++j)
+    EXPECT_NEAR(rig.robot.commands[j].tau, before[j].tau, 1e-12);
+  EXPECT_EQ(rig.frame.tau_ff[0], 0.0);
+  before = rig.robot.commands;
+  rig.controller.set_gains(std::vector<PidGains>(kJoints, {.kp = 200.0, .ki = 0.0, .kd = 1.0}));
+  rig.tick();
+  for (std::size_t j = 0; j < kJoints; ++j)
+    EXPECT_NEAR(rig.robot.commands[j].tau, before[j].tau, 1e-12);
+}
+
+TEST(Controller, TimeScaleStretchesThePlan) {
+  Rig rig;
+  rig.config.time_scale = 0.5;
+  ASSERT_EQ(rig.load().status, LoadStatus::kOk);
+  rig.run(200 + 6000);
+  EXPECT_EQ(rig.status, TickStatus::kTracking);
+  rig.tick();
+  EXPECT_EQ(rig.status, TickStatus::kHolding);
+}
+
+TEST(Controller, RepeatsTheLastCommandAndWaitsForALostJoint) {
+  Rig rig;
+  ASSERT_EQ(rig.load().status, LoadStatus::kOk);
+  rig.run(1000);
+  const double plan_time = rig.frame.plan_time;
+  const double torque = rig.robot.commands[2].tau;
+  for (int i = 0; i < 5; ++i) {
+    if (i % 2 == 0)
+      rig.robot.states[2].q = std::numeric_limits<double>::quiet_NaN();
+    else
+      rig.robot.states[2].flags |= kJointStale;
+    rig.tick();
+    rig.robot.states[2].flags = 0;
+    EXPECT_EQ(rig.status, TickStatus::kWaiting);
+    EXPECT_EQ(rig.robot.commands[2].tau, torque);
+    EXPECT_EQ(rig.frame.plan_time, plan_time);
+    for (const auto& c : rig.robot.commands) EXPECT_TRUE(std::isfinite(c.tau));
+  }
+  rig.tick();
+  EXPECT_EQ(rig.status, TickStatus::kTracking);
+  EXPECT_NEAR(rig.frame.plan_time, plan_time + 1e-3, 1e-9);
+}
+
+TEST(Controller, FaultsWhenAJointStaysLost) {
+  Rig rig;
+  ASSERT_EQ(rig.load().status, LoadStatus::kOk);
+  rig.run(1000);
+  for (int i = 0; i < 6; ++i) {
+    rig.robot.states[2].dq = std::numeric_limits<double>::infinity();
+    rig.tick();
+  }
+  EXPECT_EQ(rig.status, TickStatus::kFault);
+  EXPECT_EQ(rig.controller.fault(), FaultCode::kStaleState);
+  EXPECT_EQ(rig.controller.fault_joint(), 2u);
+  rig.run(100);
+  EXPECT_EQ(rig.status, TickStatus::kFault);
+}
+
+TEST(Controller, HoldsWhereItIsWhenTrackingFails) {
+  Rig rig;
+  rig.config.tracking_error_limit = 0.05;
+  ASSERT_EQ(rig.load().status, LoadStatus::kOk);
+  rig.run(1000);
+  rig.robot.plants[1].load = 45.0;  // stronger than the drive
+  int ticks = 0;
+  for (; rig.status != TickStatus::kFault && ticks < 1000; ++ticks) rig.tick();
+  ASSERT_EQ(rig.status, TickStatus::kFault);
+  EXPECT_EQ(rig.controller.fault(), FaultCode::kTrackingError);
+  EXPECT_EQ(rig.controller.fault_joint(), 1u);
+  rig.robot.plants[1].load = 0.0;
+  rig.run(3000);
+  EXPECT_EQ(rig.status, TickStatus::kFault);
+  for (const auto& s : rig.robot.states) EXPECT_NEAR(s.dq, 0.0, 1e-3);
+}
+
+TEST(Controller, FaultsOnADriveFaultAndOnAFarStart) {
+  Rig rig;
+  ASSERT_EQ(rig.load().status, LoadStatus::kOk);
+  rig.run(10);
+  rig.robot.states[3].flags = kJointFault;
+  rig.tick();
+  EXPECT_EQ(rig.status, TickStatus::kFault);
+  EXPECT_EQ(rig.controller.fault(), FaultCode::kDriveFault);
+
+  Rig far;
+  far.place(0.6);
+  ASSERT_EQ(far.load().status, LoadStatus::kOk);
+  far.tick();
+  EXPECT_EQ(far.status, TickStatus::kFault);
+  EXPECT_EQ(far.controller.fault(), FaultCode::kStartDistance);
+}
+
+TEST(Controller, WithoutAPlanItCommandsNothing) {
+  Rig rig;
+  rig.robot.commands[0].tau = 5.0;
+  rig.tick();
+  EXPECT_EQ(rig.status, TickStatus::kFault);
+  EXPECT_EQ(rig.controller.fault(), FaultCode::kNotLoaded);
+  EXPECT_EQ(rig.robot.commands[0].tau, 0.0);
+}
+
+TEST(Controller, RefusesWhatItCannotExecute) {
+  const auto status = [](const auto& change) {
+    Rig rig;
+    change(rig);
+    return rig.load().status;
+  };
+  EXPECT_EQ(status([](Rig& r) { r.config.dt = 0.0; }), LoadStatus::kBadConfig);
+  EXPECT_EQ(status([](Rig& r) { r.config.joint_count = 33; }), LoadStatus::kBadConfig);
+  EXPECT_EQ(status([](Rig& r) { r.config.joints[1].gains.kp = std::nan(""); }),
+            LoadStatus::kBadConfig);
+  EXPECT_EQ(status([](Rig& r) { r.config.tracking_error_limit = std::nan(""); }),
+            LoadStatus::kBadConfig);
+  EXPECT_EQ(status([](Rig& r) { r.config.joint_count = 3; }), LoadStatus::kBadImage);
+  EXPECT_EQ(status([](Rig& r) { r.image[200] ^= std::byte{1}; }), LoadStatus::kBadImage);
+  EXPECT_EQ(status([](Rig& r) { r.workspace.resize(10); }), LoadStatus::kWorkspaceTooSmall);
+  EXPECT_EQ(status([](Rig& r) { r.config.joints[2].velocity_limit = 0.01; }), LoadStatus::kTooFast);
+  EXPECT_EQ(status([](Rig& r) { r.config.time_scale = 100.0; }), LoadStatus::kTooFast);
+  EXPECT_EQ(status([](Rig& r) {
+              auto k = test::smooth_keyframes(kJoints, kKeyframes);
+              for (std::size_t i = 15; i < k.size(); ++i) k[i].q[0] += 1.0;  // a jump rings
+              r.image = test::make_image(kJoints, k);
+              for (auto& joint : r.config.joints) joint.velocity_limit = 100.0;
+            }),
+            LoadStatus::kOvershoot);
+}
+
+TEST(Controller, TwoRunsCommandTheSameBytes) {
+  const auto run = [] {
+    Rig rig;
+    rig.place(0.05);
+    EXPECT_EQ(rig.load().status, LoadStatus::kOk);
+    std::vector<JointCommand> log;
+    std::vector<TelemetryFrame> frames;
+    for (int i = 0; i < 4000; ++i) {
+      rig.tick();
+      log.insert(log.end(), rig.robot.commands.begin(), rig.robot.commands.end());
+      frames.push_back(rig.frame);
+    }
+    return std::pair(log, frames);
+  };
+  const auto [log_a, frames_a] = run();
+  const auto [log_b, frames_b] = run();
+  ASSERT_EQ(log_a.size(), log_b.size());
+  EXPECT_EQ(std::memcmp(log_a.data(), log_b.data(), log_a.size() * sizeof(JointCommand)), 0);
+  EXPECT_EQ(std::memcmp(frames_a.data(), frames_b.data(), frames_a.size() * sizeof(TelemetryFrame)),
+            0);
+}
+
+}  // namespace
+}  // namespace clamber
