@@ -21,7 +21,7 @@ struct ObstacleBox {
 
 struct Scenario {
   std::string name;
-  std::string hash;  ///< SHA-256 of the file, hex
+  std::string hash;                    ///< SHA-256 of the file, hex
   std::vector<ObstacleBox> obstacles;  ///< the first is the one to climb
   double friction = 0.8;
   Eigen::Vector3d start_position = Eigen::Vector3d::Zero();  ///< mid-point between the soles, m
@@ -30,10 +30,16 @@ struct Scenario {
   std::vector<std::string> goal_contacts;  ///< contact links that must carry the robot at the end
 };
 
-/// @throws InputError naming file, key and what was expected.
+/// @throws InputError naming file, line, key and what was expected.
 [[nodiscard]] Scenario load_scenario(const std::filesystem::path& file);
+/// As load_scenario() from the text itself; `file` only names it in errors.
+[[nodiscard]] Scenario parse_scenario(const std::string& text, const std::string& file);
+/// The scenario with its first obstacle `height` (m) high; name and hash tell the difference.
+/// @throws InputError when the height is not positive and finite
+[[nodiscard]] Scenario with_height(Scenario scenario, double height);
 
 /// Base pose and home posture with both soles flat on the floor at the scenario's start pose.
+/// @throws InputError when the model has no two foot contacts or its home posture no flat soles
 [[nodiscard]] Configuration start_configuration(const RobotModel& model, const Scenario& scenario);
 
 }  // namespace clamber
