@@ -13,9 +13,8 @@ constexpr double kFreeWeight = 1e-5;
 constexpr double kRankTolerance = 1e-9;
 // Rows of unit length act on the free space by rounding only below this.
 constexpr double kNoEffect = 1e-12;
-// Share of a level's residual a constraint must hold to stay active for the levels below. The
-// free weight alone causes shares of about its square.
-constexpr double kFreezeTolerance = 1e-7;
+// Feasibility asked of a sharpened step, along rows of unit length.
+constexpr double kFeasibility = 1e-9;
 
 bool bound_fits(const Eigen::VectorXd& bound, Eigen::Index n) {
   return (bound.size() == 0 || bound.size() == n) && !bound.hasNaN();
@@ -105,7 +104,7 @@ QpStatus Hqp::solve_level(const TaskLevel& level) {
   const QpStatus status = move_along_split(rank, target_.vector(level.b.size()));
   if (status != QpStatus::optimal) return status;
   first_free_ += rank;
-  freeze_active_constraints(rank);
+  freeze_pushing_constraints();
   return QpStatus::optimal;
 }
 
@@ -142,7 +141,8 @@ void Hqp::split_free_space(const TaskLevel& level) {
   column_space_.apply_q_transpose(target);
 }
 
-/// Solves min |y - target|^2 + kFreeWeight^2 |w|^2 over steps (y, w) along the free directions.
+/// Solves min |y - target|^2 + kFreeWeight^2 |w|^2 over steps (y, w) along the free directions,
+/// then removes the effect of the weight.
 QpStatus Hqp::move_along_split(Eigen::Index rank, const VectorMap& target) {
   const Eigen::Index free = n_ - first_free_;
   auto S = free_directions();
@@ -166,29 +166,46 @@ QpStatus Hqp::move_along_split(Eigen::Index rank, const VectorMap& target) {
   static const Eigen::VectorXd none;
   const QpStatus status = core_.run({no_rows, none, S, lower, upper, none, none});
   iterations_ += core_.iterations();
-  values_.noalias() += S * step;
   has_feasible_point_ = status == QpStatus::optimal;
+  pushing_known_ =
+      has_feasible_point_ && rank < free && !core_.active().empty() && sharpen(rank, target);
+  values_.noalias() += S * core_.x();
   return status;
 }
 
-/// A constraint that holds residual of this level stays active in every optimum of it: the levels
-/// below may not move along it.
-void Hqp::freeze_active_constraints(Eigen::Index rank) {
-  const Eigen::Index free = n_ - first_free_;
+bool Hqp::sharpen(Eigen::Index rank, const VectorMap& target) {
+  const auto& active = core_.active();
+  const VectorMap lower = step_lower_.vector(values_.size());
+  const VectorMap upper = step_upper_.vector(values_.size());
+  VectorMap sides = sides_.vector(static_cast<Eigen::Index>(active.size()));
+  for (Eigen::Index j = 0; j < sides.size(); ++j) {
+    const ActiveConstraint& a = active[static_cast<std::size_t>(j)];
+    sides[j] = a.upper ? upper[a.index] : lower[a.index];
+  }
+  const auto S = free_directions();
+  VectorMap step = core_.x();
+  VectorMap sharp = sharp_.vector(step.size());
+  sharp.head(rank) = target.head(rank);
+  sharp.tail(step.size() - rank) = step.tail(step.size() - rank);
+  if (!strict_step_.compute(S, active, sides, rank, sharp)) return false;
+  VectorMap reached = reached_.vector(values_.size());
+  reached.noalias() = S * sharp;
+  if (((reached - lower).array() >= -kFeasibility).all() &&
+      ((upper - reached).array() >= -kFeasibility).all()) {
+    step = sharp;
+  }
+  return true;
+}
+
+/// A constraint that pushes on a level's residual stays active in every optimum of that level: the
+/// levels below may not move along it.
+void Hqp::freeze_pushing_constraints() {
   auto S = free_directions();
   for (Eigen::Index i = 0; i < S.rows(); ++i) {
     if (S.row(i).squaredNorm() < kNoEffect * kNoEffect) S.row(i).setZero();
   }
-  if (free == 0 || core_.active().empty()) return;
-  const auto range = directions().middleCols(first_free_ - rank, rank);
-  MatrixMap F = frozen_.matrix(free, static_cast<Eigen::Index>(core_.active().size()));
-  Eigen::Index count = 0;
-  for (const ActiveConstraint& active : core_.active()) {
-    if (active.multiplier * range.row(active.index).norm() < kFreezeTolerance) continue;
-    F.col(count++) = S.row(active.index).transpose();
-  }
-  if (count == 0) return;
-  row_space_.compute(F.leftCols(count), kRankTolerance);
+  if (!pushing_known_ || strict_step_.pushing_rows().cols() == 0) return;
+  row_space_.compute(strict_step_.pushing_rows(), kRankTolerance);
   row_space_.apply_q_on_the_right(S);
   first_free_ += row_space_.rank();
 }

@@ -8,6 +8,7 @@
 
 #include "planner_offline/ik/dual_active_set.hpp"
 #include "planner_offline/ik/pivoted_qr.hpp"
+#include "planner_offline/ik/strict_step.hpp"
 #include "planner_offline/ik/workspace.hpp"
 
 namespace clamber {
@@ -59,7 +60,8 @@ class Hqp {
   [[nodiscard]] QpStatus shrink_free_part();
   void split_free_space(const TaskLevel& level);
   [[nodiscard]] QpStatus move_along_split(Eigen::Index rank, const VectorMap& target);
-  void freeze_active_constraints(Eigen::Index rank);
+  [[nodiscard]] bool sharpen(Eigen::Index rank, const VectorMap& target);
+  void freeze_pushing_constraints();
   void finish(const HqpProblem& problem, Eigen::VectorXd& x);
 
   // The steps a level may take are the columns of `directions`: its first n rows act on x, the
@@ -73,7 +75,9 @@ class Hqp {
   int iterations_ = 0;
   DualActiveSet core_;
   PivotedQr row_space_, column_space_;
-  Workspace directions_, reduced_, target_, frozen_, step_lower_, step_upper_;
+  StrictStep strict_step_;
+  bool pushing_known_ = false;
+  Workspace directions_, reduced_, target_, sides_, sharp_, reached_, step_lower_, step_upper_;
   Eigen::VectorXd values_, lower_, upper_;  ///< of x and the unit-length rows of C, stacked
   Eigen::VectorXd residual_norms_;
   std::vector<int> level_ranks_;

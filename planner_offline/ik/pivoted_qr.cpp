@@ -53,6 +53,15 @@ void PivotedQr::apply_q_on_the_right(Eigen::Ref<Eigen::MatrixXd> B) {
   }
 }
 
+void PivotedQr::apply_q(Eigen::Ref<Eigen::VectorXd> v) {
+  const MatrixMap F = factors_.matrix(rows_, cols_);
+  const VectorMap taus = taus_.vector(std::min(rows_, cols_));
+  double* scratch = scratch_.vector(cols_).data();
+  for (Eigen::Index k = rank_ - 1; k >= 0; --k) {
+    v.tail(rows_ - k).applyHouseholderOnTheLeft(F.col(k).tail(rows_ - k - 1), taus[k], scratch);
+  }
+}
+
 void PivotedQr::apply_q_transpose(Eigen::Ref<Eigen::VectorXd> v) {
   const MatrixMap F = factors_.matrix(rows_, cols_);
   const VectorMap taus = taus_.vector(std::min(rows_, cols_));

@@ -25,6 +25,8 @@ class PivotedQr {
   [[nodiscard]] auto R() { return factors_.matrix(rows_, cols_).topRows(rank_); }
   /// B := B Q, B with r columns.
   void apply_q_on_the_right(Eigen::Ref<Eigen::MatrixXd> B);
+  /// v := Q v, v with r entries.
+  void apply_q(Eigen::Ref<Eigen::VectorXd> v);
   /// v := Q' v, v with r entries.
   void apply_q_transpose(Eigen::Ref<Eigen::VectorXd> v);
 
