@@ -126,15 +126,14 @@ double distance_to(const Stroke& s, double x, double y) {
 
 void draw_stroke(Image& image, const Stroke& s, double half_width, Rgb colour) {
   const int x_begin = std::max(0, static_cast<int>(std::min(s.x0, s.x1) - half_width - 1));
-  const int x_end =
-      std::min(image.width, static_cast<int>(std::max(s.x0, s.x1) + half_width + 2));
+  const int x_end = std::min(image.width, static_cast<int>(std::max(s.x0, s.x1) + half_width + 2));
   const int y_begin = std::max(0, static_cast<int>(std::min(s.y0, s.y1) - half_width - 1));
-  const int y_end =
-      std::min(image.height, static_cast<int>(std::max(s.y0, s.y1) + half_width + 2));
+  const int y_end = std::min(image.height, static_cast<int>(std::max(s.y0, s.y1) + half_width + 2));
   const std::array<std::uint8_t, 3> rgb{colour.r, colour.g, colour.b};
   for (int y = y_begin; y < y_end; ++y) {
     for (int x = x_begin; x < x_end; ++x) {
-      const double cover = std::clamp(half_width + 0.5 - distance_to(s, x + 0.5, y + 0.5), 0.0, 1.0);
+      const double cover =
+          std::clamp(half_width + 0.5 - distance_to(s, x + 0.5, y + 0.5), 0.0, 1.0);
       std::uint8_t* p = image.pixel(x, y);
       for (std::size_t c = 0; c < 3; ++c) {
         p[c] = static_cast<std::uint8_t>(std::lround(p[c] + cover * (rgb[c] - p[c])));
@@ -148,8 +147,7 @@ void draw_segments(Image& image, unsigned segments, double x, double y, double c
   for (std::size_t i = 0; i < kSegments.size(); ++i) {
     if ((segments >> i) & 1u) {
       const Stroke& s = kSegments[i];
-      draw_stroke(image,
-                  {x + s.x0 * cell, y + s.y0 * cell, x + s.x1 * cell, y + s.y1 * cell}, half,
+      draw_stroke(image, {x + s.x0 * cell, y + s.y0 * cell, x + s.x1 * cell, y + s.y1 * cell}, half,
                   colour);
     }
   }

@@ -124,8 +124,8 @@ void append_arrow(const SceneArrow& arrow, std::vector<MeshVertex>& mesh) {
     return;
   }
   Pose pose;
-  pose.R = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), arrow.vector)
-               .toRotationMatrix();
+  pose.R =
+      Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), arrow.vector).toRotationMatrix();
   pose.p = arrow.from;
   Builder out(pose, arrow.colour, mesh);
   const double scale = std::min(1.0, length / (1.5 * kHeadLength));

@@ -120,7 +120,8 @@ void set_occluders(GLuint program, const Scene& scene) {
   for (const ScenePrimitive& p : scene.primitives) {
     if (p.material == Material::kWood && centre.size() < kMaxBoxes) {
       const double yaw = std::atan2(p.X_WP.R(1, 0), p.X_WP.R(0, 0));
-      centre.push_back(Eigen::Vector4d(p.X_WP.p.x(), p.X_WP.p.y(), p.X_WP.p.z(), yaw).cast<float>());
+      centre.push_back(
+          Eigen::Vector4d(p.X_WP.p.x(), p.X_WP.p.y(), p.X_WP.p.z(), yaw).cast<float>());
       half.push_back(p.half_extents.cast<float>());
     } else if (p.shape != Shape::kBox && from.size() < kMaxRounds) {
       const double reach = p.shape == Shape::kCapsule ? 0.5 * p.length : 0.0;
@@ -357,9 +358,9 @@ Image Renderer::render(const Scene& scene, const Camera& camera, int width, int 
   glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(mesh.size() * sizeof(MeshVertex)),
                mesh.data(), GL_STREAM_DRAW);
 
-  // The light stands over the viewer's right shoulder: shadows fall behind, highlights face us.
+  // The light stands over the viewer's shoulder: shadows fall away from us, highlights face us.
   const Eigen::Vector3d back = camera.eye - camera.target;
-  const double azimuth = std::atan2(back.y(), back.x()) + 0.75;
+  const double azimuth = std::atan2(back.y(), back.x()) + 0.55;
   const Eigen::Vector3d to_light =
       Eigen::Vector3d(0.62 * std::cos(azimuth), 0.62 * std::sin(azimuth), 1.0).normalized();
   const Eigen::Vector3d light_eye = camera.target + 3.0 * to_light;

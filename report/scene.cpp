@@ -11,7 +11,7 @@ namespace clamber {
 
 namespace {
 
-constexpr double kMetresPerNewton = 0.0014;
+constexpr double kMetresPerNewton = 0.0018;
 constexpr double kShownForce = 2.0;  // N
 
 bool leads_to(const RobotModel& model, int body, int descendant) {
@@ -79,10 +79,8 @@ Eigen::Vector3d touch_point(const ContactLink& contact, const RobotData& data) {
   return sum - contact.radius * Eigen::Vector3d::UnitZ();
 }
 
-}  // namespace
-
-Camera make_camera(const Scenario& scenario, const RobotModel& model, View view) {
-  // The robot's height standing, from its home posture on an unplaced base.
+// The extent of the home posture along z, from the middles of the geoms.
+double standing_height(const RobotModel& model) {
   RobotData data;
   Configuration home;
   home.q = model.home;
@@ -91,38 +89,78 @@ Camera make_camera(const Scenario& scenario, const RobotModel& model, View view)
   double high = std::numeric_limits<double>::lowest();
   for (const Geom& geom : model.geoms) {
     const Eigen::Vector3d p = data.X_WB[static_cast<std::size_t>(geom.body)] * geom.X_BG.p;
-    low = std::min(low, p.z());
-    high = std::max(high, p.z());
+    low = std::min(low, p.z() - geom.radius);
+    high = std::max(high, p.z() + geom.radius);
   }
-  const double height = std::max(0.3, high - low);
+  return std::max(0.3, high - low);
+}
 
-  // The robot stands at one end of the picture, most of the box at the other.
-  const Eigen::Rotation2Dd heading(scenario.start_yaw);
-  const Eigen::Vector2d forward = heading * Eigen::Vector2d::UnitX();
-  double back = -0.25 * height;
-  double front = 0.4 * height;
+// Corners of the room the standing robot takes and of the box, as far as the robot reaches on it.
+std::vector<Eigen::Vector3d> points_to_show(const Scenario& scenario, double height) {
+  std::vector<Eigen::Vector3d> points;
+  const Eigen::AngleAxisd heading(scenario.start_yaw, Eigen::Vector3d::UnitZ());
+  for (const double x : {-0.2, 0.2}) {
+    for (const double y : {-0.2, 0.2}) {
+      for (const double z : {0.0, 1.0}) {
+        points.emplace_back(scenario.start_position + heading * Eigen::Vector3d(x, y, z) * height);
+      }
+    }
+  }
   if (!scenario.obstacles.empty()) {
     const ObstacleBox& box = scenario.obstacles.front();
-    const double centre =
-        forward.dot(box.center.head<2>() - scenario.start_position.head<2>());
-    front = std::max(front, std::min(centre + box.half_extents.x(), 0.95 * height));
+    const Eigen::AngleAxisd yaw(box.yaw, Eigen::Vector3d::UnitZ());
+    const Eigen::Vector3d half = box.half_extents.cwiseMin(0.5 * height);
+    for (const double x : {-1.0, 1.0}) {
+      for (const double y : {-1.0, 1.0}) {
+        for (const double z : {-1.0, 1.0}) {
+          points.emplace_back(box.center + yaw * half.cwiseProduct(Eigen::Vector3d(x, y, z)));
+        }
+      }
+    }
   }
-  const Eigen::Vector2d middle =
-      scenario.start_position.head<2>() + forward * (0.5 * (back + front));
+  return points;
+}
 
+// Moves a camera that looks along -back until all points lie inside a 4:3 picture.
+Camera fit_camera(const std::vector<Eigen::Vector3d>& points, const Eigen::Vector3d& back) {
+  constexpr double kAspect = 4.0 / 3.0;
+  constexpr double kMargin = 1.06;
+  constexpr int kRounds = 8;  // perspective makes centring and distance depend on each other
+  const Eigen::Vector3d right = Eigen::Vector3d::UnitZ().cross(back).normalized();
+  const Eigen::Vector3d up = back.cross(right);
   Camera camera;
-  const double top = 1.15 * height;
-  camera.target = {middle.x(), middle.y(), 0.45 * top};
   camera.field_of_view = 0.42;
-  const double half = std::max(0.5 * top, 0.5 * (front - back) * 0.85);
-  const double distance = 1.16 * half / std::tan(0.5 * camera.field_of_view);
-  const double azimuth = view == View::kSide ? 1.5708 : 1.02;
-  const double elevation = view == View::kSide ? 0.06 : 0.36;
-  const Eigen::Vector2d out = heading * Eigen::Vector2d(std::cos(azimuth), std::sin(azimuth));
-  camera.eye = camera.target + distance * Eigen::Vector3d(out.x() * std::cos(elevation),
-                                                          out.y() * std::cos(elevation),
-                                                          std::sin(elevation));
+  const double slope = std::tan(0.5 * camera.field_of_view);
+  double distance = 4.0;
+  for (int round = 0; round < kRounds; ++round) {
+    Eigen::Array2d low = Eigen::Array2d::Constant(std::numeric_limits<double>::max());
+    Eigen::Array2d high = -low;
+    double needed = 0.0;
+    for (const Eigen::Vector3d& p : points) {
+      const Eigen::Vector3d d = p - camera.target;
+      const double depth = std::max(0.1, distance - d.dot(back));
+      const Eigen::Array2d seen(d.dot(right) / depth, d.dot(up) / depth);
+      low = low.min(seen);
+      high = high.max(seen);
+      const double reach = std::max(std::abs(d.dot(right)) / kAspect, std::abs(d.dot(up)));
+      needed = std::max(needed, kMargin * reach / slope + d.dot(back));
+    }
+    const Eigen::Array2d middle = 0.5 * (low + high) * distance;
+    camera.target += middle.x() * right + middle.y() * up;
+    distance = needed;
+  }
+  camera.eye = camera.target + distance * back;
   return camera;
+}
+
+}  // namespace
+
+Camera make_camera(const Scenario& scenario, const RobotModel& model, View view) {
+  const double azimuth = scenario.start_yaw + (view == View::kSide ? 1.5708 : 1.9);
+  const double elevation = view == View::kSide ? 0.06 : 0.30;
+  const Eigen::Vector3d back(std::cos(azimuth) * std::cos(elevation),
+                             std::sin(azimuth) * std::cos(elevation), std::sin(elevation));
+  return fit_camera(points_to_show(scenario, standing_height(model)), back);
 }
 
 Rgb geom_colour(const RobotModel& model, int geom) {

@@ -45,8 +45,9 @@ struct Camera {
   double field_of_view = 0.5;                        ///< vertical, rad
 };
 
-/// kThreeQuarter: from the robot's front left and above, so that the box's edge, knees and hands
-/// all show. kSide: from the robot's left, level.
+/// kThreeQuarter: from the left, above and a little behind, so that the feet, the edge the knees
+/// mount, and the hands on top all show.
+/// kSide: from the left, level.
 enum class View { kThreeQuarter, kSide };
 
 /// A camera that holds the standing robot and the box it climbs, whatever happens in between.
@@ -68,7 +69,7 @@ inline constexpr Rgb kLeftArm{86, 156, 232};
 inline constexpr Rgb kLeftLeg{28, 92, 186};
 inline constexpr Rgb kRightArm{250, 166, 62};
 inline constexpr Rgb kRightLeg{224, 96, 34};
-inline constexpr Rgb kTrunk{214, 218, 224};
+inline constexpr Rgb kTrunk{206, 211, 218};
 inline constexpr Rgb kPelvis{150, 158, 170};
 inline constexpr Rgb kContactPoint{52, 56, 64};
 inline constexpr Rgb kWood{196, 146, 92};

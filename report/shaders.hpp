@@ -25,7 +25,7 @@ inline constexpr const char* kBackgroundCommon = R"(
 uniform float picture_height;
 vec3 background() {
   float t = gl_FragCoord.y / picture_height;
-  return mix(vec3(0.885, 0.905, 0.93), vec3(0.975, 0.982, 0.99), smoothstep(0.25, 1.0, t));
+  return mix(vec3(0.87, 0.89, 0.915), vec3(0.965, 0.973, 0.983), smoothstep(0.3, 1.0, t));
 }
 )";
 
@@ -162,7 +162,7 @@ void main() {
   vec3 n = normalize(world_normal);
   vec3 view = normalize(eye - world);
   vec3 base = linear(tint);
-  if (is_floor) base = mix(linear(vec3(0.80, 0.825, 0.85)), linear(vec3(0.915, 0.93, 0.945)),
+  if (is_floor) base = mix(linear(vec3(0.70, 0.73, 0.765)), linear(vec3(0.775, 0.80, 0.83)),
                            checker(world.xy));
   if (half_extent.x > 0.0) base = wood(base, n);
 
@@ -170,8 +170,8 @@ void main() {
   float lit = is_overlay ? 1.0 : light_share();
   float key = max(dot(n, to_light), 0.0) * lit;
   vec3 fill_from = normalize(vec3(-to_light.y, to_light.x, 0.35));
-  vec3 ambient = mix(vec3(0.30, 0.29, 0.28), vec3(0.52, 0.56, 0.62), 0.5 + 0.5 * n.z) * open;
-  vec3 colour = base * (ambient + vec3(1.02, 0.97, 0.90) * key +
+  vec3 ambient = mix(vec3(0.30, 0.29, 0.28), vec3(0.47, 0.50, 0.55), 0.5 + 0.5 * n.z) * open;
+  vec3 colour = base * (ambient + vec3(0.92, 0.88, 0.82) * key +
                         0.16 * max(dot(n, fill_from), 0.0) * open);
   bool shiny = !is_floor && half_extent.x == 0.0;
   if (shiny) {
