@@ -17,7 +17,7 @@ struct ContactSample {
   std::vector<ContactReference> floor;     ///< contact links on the floor
   double stability = 0.0;                  ///< s of the contacts together, see state_stability()
   Configuration posture;
-  std::vector<std::string> others;  ///< anything else that touched, e.g. "LLowLeg against box"
+  std::vector<std::string> others;  ///< anything else that touched, geom names, e.g. "l_forearm"
 };
 
 struct StateConfig {

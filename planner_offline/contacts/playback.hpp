@@ -1,0 +1,54 @@
+// Plays a mapped motion on the robot in the simulator and reads its contact sequence off it
+// (paper III-B, III-C).
+// One thread, and no other OdeWorld at the same time; allocates; never blocks.
+//
+// The joints follow the recording by PID position control; drives saturate where the robot's do.
+// The base is guided along the recorded pelvis path by a spring-damper (OdeWorld::set_base_guide).
+// It has to be: joint angles alone do not balance the robot, a free base falls sooner or later (the
+// paper's Fig. 4), and from then on the contacts would be those of a fall, not of the
+// demonstration. Contacts push back, so limbs give way to the obstacle and the base gives way by
+// millimetres.
+#pragma once
+
+#include "planner_offline/contacts/adjustment.hpp"
+#include "planner_offline/contacts/contact_sampler.hpp"
+#include "planner_offline/contacts/contact_sequence.hpp"
+#include "planner_offline/contacts/contact_states.hpp"
+#include "planner_offline/motion.hpp"
+#include "sim_backend/scenario.hpp"
+
+namespace clamber {
+
+struct PlaybackConfig {
+  double sample_period = 0.05;  ///< s between contact checks (paper III-C)
+  double step = 1e-3;           ///< s, simulator and PID
+  SamplerConfig sampler;
+  StateConfig states;
+  AdjustmentConfig adjustment;
+};
+
+struct Playback {
+  Adjustment adjustment;
+  Scenario scenario;  ///< with the obstacle and the start it was played with
+  std::vector<ContactSample> samples;
+  double peak_guide_force = 0.0;  ///< N, how much of the work the guide did
+  double worst_base_error = 0.0;  ///< m, base to its guide
+};
+
+/// Plays the motion once before an obstacle as wide and deep as `scenario`'s first one, of the
+/// adjusted height, front face at x = 0.
+/// @throws InputError as find_adjustment(); when the scenario has no obstacle
+[[nodiscard]] Playback play(const RobotModel& model, const RobotMotion& motion,
+                            const Scenario& scenario, const PlaybackConfig& config);
+
+/// Adjustment, playback, states and reduction. The notes say what was adjusted, what touched
+/// besides contact links, and which links never made contact.
+/// @throws InputError as play(); when the playback shows no contact
+[[nodiscard]] ContactSequence extract_contacts(const RobotModel& model, const RobotMotion& motion,
+                                               const Scenario& scenario,
+                                               const PlaybackConfig& config);
+/// The same from a playback already made.
+[[nodiscard]] ContactSequence contacts_of(const RobotModel& model, const RobotMotion& motion,
+                                          const Playback& playback, const PlaybackConfig& config);
+
+}  // namespace clamber
