@@ -70,7 +70,8 @@ dds::DataWriterQos description_qos() {
 }
 
 void refuse_real_time_thread() {
-  if (sched_getscheduler(0) != SCHED_OTHER) {
+  const int policy = sched_getscheduler(0);
+  if (policy == SCHED_FIFO || policy == SCHED_RR) {
     throw std::logic_error(
         "telemetry: the publisher must be created before its thread becomes real-time");
   }

@@ -5,7 +5,7 @@
 //
 // Lines: D robot joint:limit... | F tick time phase count tau_meas... q... | J count
 // name:q:dq:tau...
-//        U <user data of the joint states' writer>
+//        MATCHED, once all three writers are known | U <user data of the joint states' writer>
 #include <dds/dds.h>
 
 #include <chrono>
@@ -79,19 +79,19 @@ void print(const JointState& s) {
   std::printf("\n");
 }
 
-/// True once a writer is matched and its user data was printed.
-bool print_user_data(dds_entity_t from) {
+bool is_matched(dds_entity_t from) { return dds_get_matched_publications(from, nullptr, 0) > 0; }
+
+void print_user_data(dds_entity_t from) {
   dds_instance_handle_t writer = 0;
-  if (dds_get_matched_publications(from, &writer, 1) < 1) return false;
+  dds_get_matched_publications(from, &writer, 1);
   dds_builtintopic_endpoint_t* endpoint = dds_get_matched_publication_data(from, writer);
-  if (endpoint == nullptr) return false;
+  if (endpoint == nullptr) return;
   void* data = nullptr;
   size_t size = 0;
   dds_qget_userdata(endpoint->qos, &data, &size);
   std::printf("U %.*s\n", static_cast<int>(size), static_cast<const char*>(data));
   dds_free(data);
   dds_builtintopic_free_endpoint(endpoint);
-  return true;
 }
 
 }  // namespace
@@ -115,7 +115,7 @@ int main(int argc, char** argv) {
              DDS_RELIABILITY_BEST_EFFORT, DDS_DURABILITY_VOLATILE);
 
   unsigned long long ticks = 0;
-  bool user_data = false;
+  bool matched = false;
   const auto receive = [&] {
     take_all<Description>(description, [](const Description& d) { print(d); });
     take_all<JointState>(joint_states, [](const JointState& s) { print(s); });
@@ -123,7 +123,12 @@ int main(int argc, char** argv) {
       for (uint32_t i = 0; i < batch.count; ++i) print(batch.frames[i]);
       ticks += batch.count;
     });
-    user_data = user_data || print_user_data(joint_states);
+    if (!matched && is_matched(description) && is_matched(frames) && is_matched(joint_states)) {
+      matched = true;
+      print_user_data(joint_states);
+      std::printf("MATCHED\n");
+      std::fflush(stdout);
+    }
   };
   const auto start = std::chrono::steady_clock::now();
   while (ticks < wanted && std::chrono::steady_clock::now() - start < limit) {
