@@ -23,6 +23,8 @@ constexpr double kSlipping = 5e-3;      // m/s: faster than this a contact count
 constexpr double kSamePoint = 0.01;     // m: contact points nearer than this are the same one
 // Below this share of the friction bound the pyramid's direction cannot matter.
 constexpr double kNegligibleFriction = 0.05;
+constexpr double kWarmContact = 1.0;  // N
+constexpr double kFrictionLeak = 0.98;
 
 void initialise_ode_once() {
   // Never closed: worlds may live until the process ends.
@@ -98,6 +100,7 @@ struct ContactMemory {
   Eigen::Vector3d position;
   Eigen::Vector3d tangential_force;
   double normal_force;
+  bool used = false;
 };
 
 }  // namespace
@@ -121,7 +124,13 @@ struct OdeWorld::Impl {
   void find_contacts();
   void collide(int geom, dGeomID other_geom, Surface surface, int other);
   void add_contact(const dContactGeom& point, int geom, Surface surface, int other);
-  Eigen::Vector3d friction_direction(const ContactObservation& contact) const;
+  void add_relief(const dContactGeom& point, const ContactObservation& seen,
+                  const Eigen::Vector3d& tangent, double guess, const Softness& soft);
+  void push(int geom, Surface surface, int other, const Eigen::Vector3d& p,
+            const Eigen::Vector3d& f);
+  ContactMemory* recall(const ContactObservation& contact);
+  Eigen::Vector3d friction_direction(const ContactObservation& contact,
+                                     const ContactMemory* before) const;
   void apply_joint_wrenches();
   void read_joint_wrenches();
   void read_contact_forces();
@@ -157,6 +166,7 @@ struct OdeWorld::Impl {
   std::vector<Eigen::Vector3d> geom_centers;
   std::vector<ContactObservation> contacts;
   std::vector<dJointFeedback> contact_feedback;
+  std::vector<dJointFeedback> relief_feedback;
   std::vector<ContactMemory> memory;
   std::optional<Pose> guide_pose;
   std::optional<Pose> guide_previous;
@@ -179,6 +189,7 @@ OdeWorld::Impl::Impl(const RobotModel& robot_model, const Scenario& world_scenar
   create_scene();
   create_guide();
   contacts.reserve(kMaxContactPoints);
+  relief_feedback.resize(kMaxContactPoints);
   contact_feedback.resize(kMaxContactPoints);  // ODE keeps pointers into it: never grows
 }
 
@@ -414,17 +425,33 @@ void OdeWorld::Impl::add_contact(const dContactGeom& point, int geom, Surface su
   seen.normal = to_eigen(point.normal);
   seen.depth = point.depth;
 
+  const ContactMemory* before = recall(seen);
+  const Eigen::Vector3d direction = friction_direction(seen, before);
+  const Softness soft = soften(options.contact_stiffness, options.contact_damping, options.step);
   dContact contact{};
   contact.geom = point;
-  contact.surface.mode =
-      dContactSoftERP | dContactSoftCFM | dContactApprox1_1 | dContactApprox1_2 | dContactFDir1;
-  contact.surface.mu = scenario.friction;
-  const Softness soft = soften(options.contact_stiffness, options.contact_damping, options.step);
+  contact.surface.mode = dContactSoftERP | dContactSoftCFM | dContactFDir1;
   contact.surface.soft_erp = soft.erp;
   contact.surface.soft_cfm = soft.cfm;
-  const Eigen::Vector3d direction = friction_direction(seen);
   for (int k = 0; k < 3; ++k) {
     contact.fdir1[k] = direction[k];
+  }
+  const double guess = before != nullptr ? before->normal_force : 0.0;
+  const bool warm = options.stepper == OdeStepper::kQuick && guess > kWarmContact;
+  if (warm) {
+    const double bound = scenario.friction * guess;
+    const double friction_guess =
+        std::clamp(kFrictionLeak * before->tangential_force.dot(direction), 0.0, 0.5 * bound);
+    contact.surface.mode |= dContactMu2 | dContactMotionN;
+    contact.surface.mu = bound - friction_guess;
+    contact.surface.mu2 = bound;
+    contact.surface.motionN = -2.0 * soft.cfm * guess;
+    seen.force = guess * seen.normal + friction_guess * direction;
+    push(geom, surface, other, seen.position, seen.force);
+    add_relief(point, seen, direction, guess, soft);
+  } else {
+    contact.surface.mode |= dContactApprox1_1 | dContactApprox1_2;
+    contact.surface.mu = scenario.friction;
   }
   dJointID joint = dJointCreateContact(world, contact_group, &contact);
   dJointAttach(joint, dGeomGetBody(point.g1), dGeomGetBody(point.g2));
@@ -432,7 +459,61 @@ void OdeWorld::Impl::add_contact(const dContactGeom& point, int geom, Surface su
   contacts.push_back(seen);
 }
 
-Eigen::Vector3d OdeWorld::Impl::friction_direction(const ContactObservation& contact) const {
+void OdeWorld::Impl::add_relief(const dContactGeom& point, const ContactObservation& seen,
+                                const Eigen::Vector3d& tangent, double guess,
+                                const Softness& soft) {
+  dContact relief{};
+  relief.geom = point;
+  relief.geom.depth = 0.0;
+  relief.surface.mode = dContactSoftERP | dContactSoftCFM | dContactFDir1 | dContactMu2 |
+                        dContactMotion1 | dContactSlip1;
+  relief.surface.soft_erp = 0.0;
+  relief.surface.soft_cfm = 1e12;
+  relief.surface.mu = guess;
+  relief.surface.mu2 = 0.0;
+  relief.surface.slip1 = soft.cfm;
+  relief.surface.motion1 = soft.erp / options.step * seen.depth - soft.cfm * guess;
+  for (int k = 0; k < 3; ++k) {
+    relief.geom.normal[k] = tangent[k];
+    relief.fdir1[k] = seen.normal[k];
+  }
+  dJointID joint = dJointCreateContact(world, contact_group, &relief);
+  dJointAttach(joint, dGeomGetBody(point.g1), dGeomGetBody(point.g2));
+  dJointSetFeedback(joint, &relief_feedback[contacts.size()]);
+}
+
+void OdeWorld::Impl::push(int geom, Surface surface, int other, const Eigen::Vector3d& p,
+                          const Eigen::Vector3d& f) {
+  const auto body_of = [this](int g) {
+    return bodies[static_cast<std::size_t>(model.geoms[static_cast<std::size_t>(g)].body)];
+  };
+  dBodyAddForceAtPos(body_of(geom), f.x(), f.y(), f.z(), p.x(), p.y(), p.z());
+  if (surface == Surface::kRobot) {
+    dBodyAddForceAtPos(body_of(other), -f.x(), -f.y(), -f.z(), p.x(), p.y(), p.z());
+  }
+}
+
+ContactMemory* OdeWorld::Impl::recall(const ContactObservation& contact) {
+  ContactMemory* nearest = nullptr;
+  double nearest_distance = kSamePoint;
+  for (ContactMemory& old : memory) {
+    if (!old.used && old.geom == contact.geom && old.surface == contact.surface &&
+        old.other == contact.other) {
+      const double distance = (old.position - contact.position).norm();
+      if (distance < nearest_distance) {
+        nearest_distance = distance;
+        nearest = &old;
+      }
+    }
+  }
+  if (nearest != nullptr) {
+    nearest->used = true;
+  }
+  return nearest;
+}
+
+Eigen::Vector3d OdeWorld::Impl::friction_direction(const ContactObservation& contact,
+                                                   const ContactMemory* before) const {
   const Eigen::Vector3d& n = contact.normal;
   const auto body_of = [this](int geom) {
     return bodies[static_cast<std::size_t>(model.geoms[static_cast<std::size_t>(geom)].body)];
@@ -443,22 +524,11 @@ Eigen::Vector3d OdeWorld::Impl::friction_direction(const ContactObservation& con
   }
   slip -= n * n.dot(slip);
   if (slip.norm() > kSlipping) {
-    return slip.normalized();
+    return -slip.normalized();
   }
-  const ContactMemory* nearest = nullptr;
-  double nearest_distance = kSamePoint;
-  for (const ContactMemory& old : memory) {
-    if (old.geom == contact.geom && old.surface == contact.surface && old.other == contact.other) {
-      const double distance = (old.position - contact.position).norm();
-      if (distance < nearest_distance) {
-        nearest_distance = distance;
-        nearest = &old;
-      }
-    }
-  }
-  if (nearest != nullptr) {
-    const Eigen::Vector3d f = nearest->tangential_force - n * n.dot(nearest->tangential_force);
-    if (f.norm() > kNegligibleFriction * scenario.friction * nearest->normal_force &&
+  if (before != nullptr) {
+    const Eigen::Vector3d f = before->tangential_force - n * n.dot(before->tangential_force);
+    if (f.norm() > kNegligibleFriction * scenario.friction * before->normal_force &&
         f.norm() > 1e-9) {
       return f.normalized();
     }
@@ -498,7 +568,10 @@ void OdeWorld::Impl::read_contact_forces() {
   memory.clear();
   for (std::size_t i = 0; i < contacts.size(); ++i) {
     ContactObservation& contact = contacts[i];
-    contact.force = to_eigen(contact_feedback[i].f1);
+    if (contact.force != Eigen::Vector3d::Zero()) {
+      contact.force += to_eigen(relief_feedback[i].f1);
+    }
+    contact.force += to_eigen(contact_feedback[i].f1);
     const double normal_force = contact.normal_force();
     memory.push_back({contact.geom, contact.surface, contact.other, contact.position,
                       contact.force - contact.normal * normal_force, normal_force});
