@@ -24,14 +24,14 @@ struct HumanMotion {
     std::vector<Eigen::Vector3d> angle;  ///< per entry of `joints`, rad, MVN's triple (x, y, z)
   };
 
-  std::string source;      ///< file name it came from
-  std::string format;      ///< "MVNX 3", "MVNX 4", "positions (npy)", "positions (csv)", "ASF/AMC"
-  bool synthetic = false;  ///< made by a tool, not recorded from a person
-  double rate = 0.0;       ///< Hz
-  double hip_height = 0.0;     ///< hip centre above the floor when standing, m; 0: not known
-  double floor = 0.0;          ///< height of the floor that the person stands on at the start, m
-  double heading = 0.0;        ///< yaw of the direction of the climb in the recording's world, rad
-  double start_time = 0.0;     ///< of frames.front() in the recording's own clock, s
+  std::string source;       ///< file name it came from
+  std::string format;       ///< "MVNX 3", "MVNX 4", "positions (npy)", "positions (csv)", "ASF/AMC"
+  bool synthetic = false;   ///< made by a tool, not recorded from a person
+  double rate = 0.0;        ///< Hz
+  double hip_height = 0.0;  ///< hip centre above the floor when standing, m; 0: not known
+  double floor = 0.0;       ///< height of the floor that the person stands on at the start, m
+  double heading = 0.0;     ///< yaw of the direction of the climb in the recording's world, rad
+  double start_time = 0.0;  ///< of frames.front() in the recording's own clock, s
   std::vector<std::string> segments;  ///< labels of orientation and origin
   std::vector<std::string> points;    ///< labels of recorded joint positions (may be empty)
   std::vector<std::string> joints;    ///< labels of recorded joint angles (may be empty)

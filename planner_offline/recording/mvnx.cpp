@@ -113,8 +113,8 @@ class MvnxReader {
     for (const auto& joint : subject_.child("joints").children("joint")) {
       const std::string label = joint.attribute("label").value();
       if (label.empty()) fail(joint, "<joint> without label");
-      joints_.push_back({label, connected_segment(joint, "connector1"),
-                         connected_segment(joint, "connector2")});
+      joints_.push_back(
+          {label, connected_segment(joint, "connector1"), connected_segment(joint, "connector2")});
     }
   }
 
@@ -213,8 +213,8 @@ class MvnxReader {
         // Near the singularity of the sequence x = +-90 deg, y and z are arbitrary.
         if (std::abs(std::cos(computed.x())) < 0.1) continue;
         for (int k = 0; k < 3; ++k) {
-          const double error = std::abs(std::remainder(computed[k] - frame.angle[j][k],
-                                                       2.0 * std::numbers::pi));
+          const double error =
+              std::abs(std::remainder(computed[k] - frame.angle[j][k], 2.0 * std::numbers::pi));
           if (error > worst) {
             worst = error;
             joint = joints_[j].label;

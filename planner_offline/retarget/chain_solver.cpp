@@ -13,8 +13,8 @@ namespace {
 using Columns = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, 3>;
 using Normal = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 3, 3>;
 constexpr int kMaxIterations = 100;
-constexpr double kConverged = 1e-12;       // rad
-constexpr double kSameResidual = 1e-6;     // rad
+constexpr double kConverged = 1e-12;    // rad
+constexpr double kSameResidual = 1e-6;  // rad
 constexpr double kMinDamping = 1e-12;
 constexpr double kMaxDamping = 1e6;
 }  // namespace

@@ -83,7 +83,8 @@ class Retargeter {
     hip_center_ = hips / count;
     scale_ = (hip_center_.z() - sole / count) / motion_.hip_height;
     if (!(scale_ > 0.0)) {
-      throw InputError(config_.source + ": legs: the hips must be above the soles at the neutral posture");
+      throw InputError(config_.source +
+                       ": legs: the hips must be above the soles at the neutral posture");
     }
   }
 
@@ -91,8 +92,8 @@ class Retargeter {
     const auto& link = model_.contacts[static_cast<std::size_t>(contact)];
     double lowest = std::numeric_limits<double>::infinity();
     for (const auto& p : link.points) {
-      lowest = std::min(lowest,
-                        (data.X_WB[static_cast<std::size_t>(link.body)] * p).z() - link.radius);
+      lowest =
+          std::min(lowest, (data.X_WB[static_cast<std::size_t>(link.body)] * p).z() - link.radius);
     }
     return lowest;
   }
@@ -104,8 +105,8 @@ class Retargeter {
       if (!joints.empty() &&
           model_.bodies[static_cast<std::size_t>(j) + 1].parent != joints.back() + 1) {
         throw InputError(config_.source + ": chain " + chain.name + ": joint \"" + name +
-                         "\" does not follow \"" + model_.joints[static_cast<std::size_t>(
-                                                       joints.back())].name +
+                         "\" does not follow \"" +
+                         model_.joints[static_cast<std::size_t>(joints.back())].name +
                          "\" in the robot's tree");
       }
       joints.push_back(j);
@@ -145,8 +146,9 @@ class Retargeter {
         frame.q[j] = inside;
       }
       if (clamped > 0) {
-        out.clamped.push_back({limits.name, worst, static_cast<double>(clamped) /
-                                                       static_cast<double>(out.frames.size())});
+        out.clamped.push_back(
+            {limits.name, worst,
+             static_cast<double>(clamped) / static_cast<double>(out.frames.size())});
       }
     }
   }

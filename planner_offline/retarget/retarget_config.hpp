@@ -24,8 +24,8 @@ struct RetargetLeg {
 };
 
 struct RetargetConfig {
-  std::string source;                     ///< file name, for messages
-  std::string base_segment = "Pelvis";    ///< human segment that the robot's base follows
+  std::string source;                   ///< file name, for messages
+  std::string base_segment = "Pelvis";  ///< human segment that the robot's base follows
   std::vector<RetargetChain> chains;
   std::vector<RetargetLeg> legs;
   /// Robot joint angles at the human's N-pose (upright, arms hanging); joints not named: 0 rad.

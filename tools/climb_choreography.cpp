@@ -1,0 +1,320 @@
+#include "tools/climb_choreography.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "tools/limb_ik.hpp"
+#include "tools/track.hpp"
+
+namespace clamber::tools {
+namespace {
+
+using Eigen::AngleAxisd;
+using Eigen::Matrix3d;
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+
+constexpr double kDeg = std::numbers::pi / 180.0;
+constexpr double kReferenceHeight = 1.75;  // m, the height that the key poses below were made for
+constexpr double kArmStart = 1.0;          // s, arms and trunk leave the standing pose
+constexpr double kElbowStart = 5.2;        // s, the elbows begin to come down
+constexpr double kElbowRadius = 0.045;     // m, joint centre above the surface when it rests
+constexpr double kWristRadius = 0.035;
+constexpr double kKneeRadius = 0.050;
+constexpr double kRestPronation = 80.0 * kDeg;
+constexpr double kPlantedPronation = 155.0 * kDeg;
+constexpr double kKneelingPlantarFlexion = 45.0 * kDeg;
+
+double outward(std::size_t side) { return side == 0 ? -1.0 : 1.0; }
+
+/// Fingers forward, palm down. The anatomical hand has its palm on +x and the fingers along -z.
+Matrix3d flat_hand() {
+  Matrix3d R;
+  R.col(0) = -Vector3d::UnitZ();
+  R.col(1) = -Vector3d::UnitY();
+  R.col(2) = -Vector3d::UnitX();
+  return R;
+}
+
+Matrix3d pelvis_rotation(const ClimbChoreography::Trunk& x) {
+  return (AngleAxisd(x[4], Vector3d::UnitY()) * AngleAxisd(x[3], Vector3d::UnitZ()) *
+          AngleAxisd(x[5], Vector3d::UnitX()))
+      .toRotationMatrix();
+}
+
+constexpr double kReachElbowFlexion = 25.0 * kDeg;
+// The swinging foot leaves the straight line backward and upward, so that the knee comes over the
+// edge before the shank does.
+constexpr double kSwingBack = 0.12;  // m for the reference height
+constexpr double kSwingUp = 0.10;
+constexpr double kFootTurnStart = 0.25;  // share of the swing before which the toes stay up
+
+Vector3d knee_hint(std::size_t side) { return {1.0, 0.1 * outward(side), 0.0}; }
+
+}  // namespace
+
+ClimbChoreography::ClimbChoreography(const ClimbParameters& parameters)
+    : parameters_(parameters), skeleton_(parameters.body_height) {
+  place_targets();
+  plan_trunk();
+  for (std::size_t side = 0; side < 2; ++side) {
+    const double lift = side == 0 ? kRightLift : kLeftLift;
+    const double land = side == 0 ? kRightKneeContact : kLeftKneeContact;
+    Figure standing = trunk_figure(trunk_at(lift));
+    leg_on_foot(side, standing);
+    Figure kneeling = trunk_figure(trunk_at(land));
+    leg_on_knee(side, kneeling);
+    const auto hip = static_cast<std::size_t>(kUpperLeg[side]);
+    swing_[side] = {standing.R[hip + 1].transpose() * standing.R[hip + 2],
+                    kneeling.R[hip + 1].transpose() * kneeling.R[hip + 2],
+                    targets_[side].knee - Vector3d(skeleton_.shank, 0.0, 0.0),
+                    (targets_[side].knee - kneeling.p[hip]).normalized()};
+
+    Figure figure = trunk_figure(trunk_at(kWristContact));
+    arm_on_wrist(side, Vector3d(-0.3, 0.7 * outward(side), -0.6), figure);
+    const auto upper = static_cast<std::size_t>(kUpperArm[side]);
+    const Matrix3d elbow =
+        figure.R[upper].transpose() * figure.R[upper + 1] *
+        AngleAxisd(kPlantedPronation * outward(side), Vector3d::UnitZ()).toRotationMatrix();
+    arm_contact_[side] = {sag_lat_yaw(figure.R[kT8].transpose() * figure.R[upper]),
+                          -std::atan2(elbow(0, 2), elbow(2, 2)),
+                          figure.R[upper + 1].transpose() * figure.R[upper + 2]};
+    elbow_hint_end_[side] = landing_elbow_hint(side);
+  }
+}
+
+/// Where the body touches floor and table. The numbers are joint centres for a 1.75 m person.
+void ClimbChoreography::place_targets() {
+  const double scale = skeleton_.height / kReferenceHeight;
+  const double top = parameters_.table_height;
+  for (std::size_t side = 0; side < 2; ++side) {
+    auto& target = targets_[side];
+    const double out = outward(side);
+    const double drop = kElbowRadius - kWristRadius;
+    const Vector3d wrist(0.635 * scale, out * 0.17 * scale, top + kWristRadius * scale);
+    const double inward = 0.03 * scale;  // wrists closer together than elbows
+    const double forward = std::sqrt(skeleton_.forearm * skeleton_.forearm - inward * inward -
+                                     drop * drop * scale * scale);
+    target.wrist = wrist;
+    target.elbow = wrist + Vector3d(-forward, out * inward, drop * scale);
+    target.knee = {0.04 * scale, out * 0.10 * scale, top + kKneeRadius * scale};
+    target.ankle = {-0.04 * scale - skeleton_.toe_reach, out * 0.09 * scale,
+                    skeleton_.ankle_height};
+  }
+}
+
+void ClimbChoreography::plan_trunk() {
+  const double s = skeleton_.height / kReferenceHeight;
+  const double ankle = targets_[0].ankle.x();
+  // Heights of the trunk over the table follow the table, those over the floor the legs.
+  const double up = parameters_.table_height - 0.35 * s;
+  const auto trunk = [](double x, double y, double z, double yaw, double pitch, double bend,
+                        double turn, double neck) {
+    Trunk t;
+    t << x, y, z, yaw * kDeg, pitch * kDeg, 0.0, bend * kDeg, 0.0, turn * kDeg, neck * kDeg;
+    return t;
+  };
+  keys_.clear();
+  moves_.clear();
+  const auto key = [this](double t0, double t1, const Trunk& wish) {
+    moves_.push_back({t0, t1});
+    keys_.emplace_back(t1, settle(wish, t1));
+  };
+  key(0.0, 0.0, trunk(ankle + 0.02 * s, 0.0, skeleton_.hip_height - 0.004 * s, 0, 0, 0, 0, 0));
+  key(kArmStart, kWristContact, trunk(-0.22 * s, 0.0, 0.86 * s, 0, 80, 30, 0, 15));
+  key(kElbowStart, kElbowContact, trunk(-0.05 * s, 0.0, 0.87 * s + 0.5 * up, 0, 97, 22, 0, 25));
+  key(8.6, kLeftLift, trunk(0.0, -0.02 * s, 0.875 * s + 0.5 * up, 3, 96, 22, -3, 25));
+  key(kLeftLift, kLeftKneeContact,
+      trunk(0.08 * s, -0.02 * s, 0.85 * s + 0.5 * up, -10, 95, 24, 8, 25));
+  key(13.8, kRightLift, trunk(0.09 * s, 0.03 * s, 0.85 * s + 0.5 * up, -10, 95, 24, 8, 25));
+  key(kRightLift, kRightKneeContact, trunk(0.03 * s, 0.01 * s, 0.83 * s + up, 0, 90, 27, 0, 25));
+  key(19.0, 20.8, trunk(-0.01 * s, 0.0, 0.825 * s + up, 0, 88, 28, 0, 25));
+}
+
+Figure ClimbChoreography::trunk_figure(const Trunk& x) const {
+  Figure figure;
+  figure.R.fill(Matrix3d::Identity());
+  figure.p.fill(Vector3d::Zero());
+  figure.p[kPelvis] = x.head<3>();
+  figure.R[kPelvis] = pelvis_rotation(x);
+  const Matrix3d vertebra =
+      (AngleAxisd(x[6] / 4.0, Vector3d::UnitY()) * AngleAxisd(x[7] / 4.0, Vector3d::UnitX()) *
+       AngleAxisd(x[8] / 4.0, Vector3d::UnitZ()))
+          .toRotationMatrix();
+  for (std::size_t i = kL5; i <= kT8; ++i) figure.R[i] = figure.R[i - 1] * vertebra;
+  const Matrix3d neck = AngleAxisd(-x[9] / 2.0, Vector3d::UnitY()).toRotationMatrix();
+  figure.R[kNeck] = figure.R[kT8] * neck;
+  figure.R[kHead] = figure.R[kNeck] * neck;
+  figure.R[kRightShoulder] = figure.R[kLeftShoulder] = figure.R[kT8];
+  place_segments(skeleton_, figure);
+  return figure;
+}
+
+/// Lengths that a planted elbow or knee asks of the trunk: shoulder to elbow, hip to knee.
+Eigen::VectorXd ClimbChoreography::contact_errors(const Trunk& trunk, double time) const {
+  const Figure figure = trunk_figure(trunk);
+  Eigen::VectorXd errors(4);
+  int n = 0;
+  for (std::size_t side = 0; side < 2; ++side) {
+    if (time >= kElbowContact) {
+      const auto& shoulder = figure.p[static_cast<std::size_t>(kUpperArm[side])];
+      errors[n++] = (targets_[side].elbow - shoulder).norm() - skeleton_.upper_arm;
+    }
+    if (time >= (side == 0 ? kRightKneeContact : kLeftKneeContact)) {
+      const auto& hip = figure.p[static_cast<std::size_t>(kUpperLeg[side])];
+      errors[n++] = (targets_[side].knee - hip).norm() - skeleton_.thigh;
+    }
+  }
+  return errors.head(n);
+}
+
+/// The trunk pose nearest to `wish` that keeps what is planted at `time` in place.
+ClimbChoreography::Trunk ClimbChoreography::settle(const Trunk& wish, double time) const {
+  Trunk mobility;  // how readily each coordinate gives way; the neck does not take part
+  mobility << 1, 0.5, 1, 0.3, 1, 0.3, 1, 0.1, 0.3, 0;
+  Trunk x = wish;
+  for (int iteration = 0; iteration < 20; ++iteration) {
+    const Eigen::VectorXd error = contact_errors(x, time);
+    if (error.size() == 0 || error.cwiseAbs().maxCoeff() < 1e-11) break;
+    Eigen::MatrixXd J(error.size(), x.size());
+    constexpr double kStep = 1e-6;
+    for (int i = 0; i < x.size(); ++i) {
+      Trunk ahead = x, behind = x;
+      ahead[i] += kStep;
+      behind[i] -= kStep;
+      J.col(i) = (contact_errors(ahead, time) - contact_errors(behind, time)) / (2.0 * kStep);
+    }
+    // Least change measured from the wish, not from the last iterate.
+    const Eigen::MatrixXd WJt = mobility.asDiagonal() * J.transpose();
+    const Eigen::VectorXd goal = -error + J * (x - wish);
+    x = wish + WJt * (J * WJt).ldlt().solve(goal);
+  }
+  return x;
+}
+
+ClimbChoreography::Trunk ClimbChoreography::trunk_at(double time) const {
+  Track<Trunk> track(keys_.front().second);
+  for (std::size_t i = 1; i < keys_.size(); ++i) {
+    track.add(moves_[i][0], moves_[i][1], keys_[i].second);
+  }
+  return settle(track.at(time), time);
+}
+
+Vector3d ClimbChoreography::landing_elbow_hint(std::size_t side) const {
+  const Figure figure = trunk_figure(trunk_at(kElbowContact));
+  return (targets_[side].elbow - figure.p[static_cast<std::size_t>(kUpperArm[side])]).normalized();
+}
+
+void ClimbChoreography::arm_on_wrist(std::size_t side, const Vector3d& hint, Figure& figure) const {
+  const auto upper = static_cast<std::size_t>(kUpperArm[side]);
+  const Vector3d& shoulder = figure.p[upper];
+  const Vector3d& wrist = targets_[side].wrist;
+  const Vector3d elbow =
+      middle_joint(shoulder, wrist, skeleton_.upper_arm, skeleton_.forearm, hint);
+  const LimbPose limb = limb_from_points(shoulder, elbow, wrist, Hinge::kElbow);
+  figure.R[upper] = limb.R_upper;
+  figure.R[upper + 1] =
+      limb.R_lower *
+      AngleAxisd(-outward(side) * kPlantedPronation, Vector3d::UnitZ()).toRotationMatrix();
+  figure.R[upper + 2] = flat_hand();
+}
+
+void ClimbChoreography::pose_arm(std::size_t side, double time, Figure& figure) const {
+  const auto upper = static_cast<std::size_t>(kUpperArm[side]);
+  if (time >= kElbowContact) {
+    // Both ends of the forearm rest: the hint towards the planted elbow reproduces it exactly.
+    arm_on_wrist(side, targets_[side].elbow - figure.p[upper], figure);
+    return;
+  }
+  if (time >= kWristContact) {
+    const double share = smooth_step((time - kElbowStart) / (kElbowContact - kElbowStart));
+    const Vector3d start = Vector3d(-0.3, 0.7 * outward(side), -0.6).normalized();
+    arm_on_wrist(side, start + share * (elbow_hint_end_[side] - start), figure);
+    return;
+  }
+  const double s = (time - kArmStart) / (kWristContact - kArmStart);
+  const double share = smooth_step(s);
+  const Vector3d rest(2.0 * kDeg, outward(side) * 4.0 * kDeg, 0.0);
+  const Vector3d root = rest + share * (arm_contact_[side].shoulder - rest);
+  const double rest_flexion = 8.0 * kDeg;
+  const double flexion = rest_flexion + share * (arm_contact_[side].elbow - rest_flexion) +
+                         smooth_bump(s) * kReachElbowFlexion;
+  const double pronation = kRestPronation + share * (kPlantedPronation - kRestPronation);
+  figure.R[upper] = figure.R[kT8] * from_sag_lat_yaw(root);
+  figure.R[upper + 1] =
+      figure.R[upper] * AngleAxisd(-flexion, Vector3d::UnitY()).toRotationMatrix() *
+      AngleAxisd(-outward(side) * pronation, Vector3d::UnitZ()).toRotationMatrix();
+  const Quaterniond hand =
+      Quaterniond::Identity().slerp(share, Quaterniond(arm_contact_[side].R_hand));
+  figure.R[upper + 2] = figure.R[upper + 1] * hand.toRotationMatrix();
+}
+
+void ClimbChoreography::leg_on_foot(std::size_t side, Figure& figure) const {
+  const auto upper = static_cast<std::size_t>(kUpperLeg[side]);
+  const Vector3d& hip = figure.p[upper];
+  const Vector3d& ankle = targets_[side].ankle;
+  const Vector3d knee = middle_joint(hip, ankle, skeleton_.thigh, skeleton_.shank, knee_hint(side));
+  const LimbPose limb = limb_from_points(hip, knee, ankle, Hinge::kKnee);
+  figure.R[upper] = limb.R_upper;
+  figure.R[upper + 1] = limb.R_lower;
+  figure.R[upper + 2] = figure.R[upper + 3] = Matrix3d::Identity();
+}
+
+void ClimbChoreography::leg_on_knee(std::size_t side, Figure& figure) const {
+  const auto upper = static_cast<std::size_t>(kUpperLeg[side]);
+  const Vector3d& knee = targets_[side].knee;
+  const LimbPose limb =
+      limb_from_points(figure.p[upper], knee, knee - Vector3d::UnitX(), Hinge::kKnee);
+  figure.R[upper] = limb.R_upper;
+  figure.R[upper + 1] = limb.R_lower;
+  figure.R[upper + 2] =
+      limb.R_lower * AngleAxisd(kKneelingPlantarFlexion, Vector3d::UnitY()).toRotationMatrix();
+  figure.R[upper + 3] = figure.R[upper + 2];
+}
+
+void ClimbChoreography::leg_in_swing(std::size_t side, double s, Figure& figure) const {
+  const auto upper = static_cast<std::size_t>(kUpperLeg[side]);
+  const Swing& swing = swing_[side];
+  const double share = smooth_step(s);
+  const double scale = skeleton_.height / kReferenceHeight;
+  const Vector3d& start = targets_[side].ankle;
+  const Vector3d ankle = start + share * (swing.ankle_end - start) +
+                         smooth_bump(s) * scale * Vector3d(-kSwingBack, 0.0, kSwingUp);
+  const Vector3d hint = knee_hint(side) + share * (swing.hint_end - knee_hint(side));
+  const Vector3d& hip = figure.p[upper];
+  const Vector3d knee = middle_joint(hip, ankle, skeleton_.thigh, skeleton_.shank, hint);
+  const LimbPose limb = limb_from_points(hip, knee, ankle, Hinge::kKnee);
+  figure.R[upper] = limb.R_upper;
+  figure.R[upper + 1] = limb.R_lower;
+  const double turn = smooth_step((s - kFootTurnStart) / (1.0 - kFootTurnStart));
+  const Quaterniond foot =
+      Quaterniond(swing.R_foot_start).slerp(turn, Quaterniond(swing.R_foot_end));
+  figure.R[upper + 2] = figure.R[upper + 3] = figure.R[upper + 1] * foot.toRotationMatrix();
+}
+
+void ClimbChoreography::pose_leg(std::size_t side, double time, Figure& figure) const {
+  const double lift = side == 0 ? kRightLift : kLeftLift;
+  const double land = side == 0 ? kRightKneeContact : kLeftKneeContact;
+  if (time <= lift) {
+    leg_on_foot(side, figure);
+  } else if (time < land) {
+    leg_in_swing(side, (time - lift) / (land - lift), figure);
+  } else {
+    leg_on_knee(side, figure);
+  }
+}
+
+Figure ClimbChoreography::at(double time) const {
+  Figure figure = trunk_figure(trunk_at(time));
+  for (std::size_t side = 0; side < 2; ++side) {
+    pose_arm(side, time, figure);
+    pose_leg(side, time, figure);
+  }
+  place_segments(skeleton_, figure);
+  return figure;
+}
+
+}  // namespace clamber::tools
