@@ -106,6 +106,7 @@ class Controller {
   void set_gains(std::span<const PidGains> gains) noexcept;
   void set_feed_forward(FeedForward feed_forward) noexcept;
 
+  [[nodiscard]] const ControllerConfig& config() const noexcept { return config_; }
   [[nodiscard]] TickStatus status() const noexcept { return status_; }
   [[nodiscard]] FaultCode fault() const noexcept { return fault_; }
   /// The joint that the fault was seen at.

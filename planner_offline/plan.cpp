@@ -9,6 +9,7 @@
 
 #include "control/spline.hpp"
 #include "robot_model/loader.hpp"
+#include "robot_model/read_file.hpp"
 
 namespace clamber {
 namespace {
@@ -89,22 +90,24 @@ Json header_json(const Plan& plan) {
 /// A JSON value and the way to it, so that an error can name both file and key.
 class Node {
  public:
-  Node(const Json& json, std::string where) : json_(&json), where_(std::move(where)) {}
+  Node(const Json& json, std::string file, std::string path)
+      : json_(&json), file_(std::move(file)), path_(std::move(path)) {}
 
-  [[noreturn]] void fail(const std::string& expected) const {
-    throw InputError(where_ + ": expected " + expected);
+  [[noreturn]] void complain(const std::string& what) const {
+    throw InputError(file_ + ": " + (path_.empty() ? "" : path_ + ": ") + what);
   }
+  [[noreturn]] void fail(const std::string& expected) const { complain("expected " + expected); }
   [[nodiscard]] Node at(const std::string& key) const {
     if (!json_->is_object()) fail("an object");
     const auto it = json_->find(key);
-    if (it == json_->end()) throw InputError(where_ + ": key '" + key + "' is missing");
-    return {*it, where_ + (where_.ends_with(": ") ? "" : ".") + key};
+    if (it == json_->end()) complain("key '" + key + "' is missing");
+    return {*it, file_, path_.empty() ? key : path_ + "." + key};
   }
   [[nodiscard]] std::vector<Node> items() const {
     if (!json_->is_array()) fail("a list");
     std::vector<Node> out;
     for (std::size_t i = 0; i < json_->size(); ++i)
-      out.emplace_back((*json_)[i], where_ + "[" + std::to_string(i) + "]");
+      out.emplace_back((*json_)[i], file_, path_ + "[" + std::to_string(i) + "]");
     return out;
   }
   [[nodiscard]] double number() const {
@@ -144,7 +147,8 @@ class Node {
 
  private:
   const Json* json_;
-  std::string where_;
+  std::string file_;
+  std::string path_;
 };
 
 PlannedContact read_contact(const Node& node) {
@@ -276,15 +280,14 @@ void save_plan(const Plan& plan, const std::filesystem::path& file) {
 }
 
 Plan load_plan(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  if (!in) throw InputError(file.string() + ": cannot open the plan");
+  const std::string text = read_file(file);
   Json json;
   try {
-    json = Json::parse(in);
+    json = Json::parse(text);
   } catch (const Json::exception& error) {
     throw InputError(file.string() + ": not a JSON file: " + error.what());
   }
-  const Node root(json, file.string() + ": ");
+  const Node root(json, file.string(), "");
   Plan plan = read_header(root);
   for (const Node& keyframe : root.at("keyframes").items()) {
     plan.keyframes.push_back(read_keyframe(keyframe, plan));

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <fstream>
-#include <iterator>
 
 #include "robot_model/loader.hpp"
+#include "robot_model/read_file.hpp"
 
 namespace clamber {
 namespace {
@@ -64,9 +64,7 @@ void save_plan_image(std::span<const std::byte> image, const std::filesystem::pa
 }
 
 std::vector<std::byte> read_plan_image(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  if (!in) throw InputError(file.string() + ": cannot open the plan image");
-  const std::string bytes{std::istreambuf_iterator<char>(in), {}};
+  const std::string bytes = read_file(file);
   std::vector<std::byte> image(bytes.size());
   std::transform(bytes.begin(), bytes.end(), image.begin(),
                  [](char c) { return static_cast<std::byte>(c); });

@@ -1,0 +1,144 @@
+#include "apps/controller_config.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <sstream>
+
+#include "robot_model/yaml_reader.hpp"
+
+namespace clamber {
+namespace {
+
+enum class TorqueLimit : std::uint8_t { kPlan, kDrive };
+
+void read_positive(const YamlNode& node, const char* key, double& value) {
+  if (const auto found = node.find(key)) value = found->positive();
+}
+
+void read_non_negative(const YamlNode& node, const char* key, double& value) {
+  if (const auto found = node.find(key)) value = found->non_negative();
+}
+
+/// True for the first, false for the second of two words.
+bool read_choice(const YamlNode& node, const std::string& yes, const std::string& no) {
+  const std::string word = node.text();
+  if (word != yes && word != no) node.fail("expected " + yes + " or " + no + ", found " + word);
+  return word == yes;
+}
+
+void read_start(const YamlNode& node, ControllerConfig& config) {
+  node.allow_only({"time", "speed", "distance_limit"});
+  read_positive(node, "time", config.start_time);
+  read_positive(node, "speed", config.start_speed);
+  read_positive(node, "distance_limit", config.start_distance_limit);
+}
+
+void read_supervision(const YamlNode& root, ControllerConfig& config) {
+  if (const auto limit = root.find("tracking_error_limit"))
+    config.tracking_error_limit =
+        limit->text() == "off" ? std::numeric_limits<double>::infinity() : limit->positive();
+  if (const auto limit = root.find("stale_ticks_limit")) {
+    const double ticks = limit->non_negative();
+    if (ticks != std::floor(ticks) || ticks > 1e6) limit->fail("expected a number of ticks");
+    config.stale_ticks_limit = static_cast<std::uint32_t>(ticks);
+  }
+  read_positive(root, "overshoot_limit", config.overshoot_limit);
+  read_positive(root, "velocity_factor", config.velocity_factor);
+}
+
+void read_gain_group(const YamlNode& group, const RobotModel& robot, ControllerConfig& config) {
+  group.allow_only({"joints", "kp", "ki", "kd"});
+  for (const std::string& pattern : group.at("joints").texts()) {
+    bool found = false;
+    for (std::size_t j = 0; j < robot.joints.size(); ++j) {
+      if (!matches(pattern, robot.joints[j].name)) continue;
+      found = true;
+      PidGains& gains = config.joints[j].gains;
+      read_non_negative(group, "kp", gains.kp);
+      read_non_negative(group, "ki", gains.ki);
+      read_non_negative(group, "kd", gains.kd);
+    }
+    if (!found)
+      group.at("joints").fail("'" + pattern + "' matches no joint of robot " + robot.name);
+  }
+}
+
+void take_from_robot(const RobotModel& robot, TorqueLimit limit, ControllerConfig& config) {
+  config.joint_count = static_cast<std::uint32_t>(robot.joints.size());
+  for (std::size_t j = 0; j < robot.joints.size(); ++j) {
+    const Joint& joint = robot.joints[j];
+    config.joints[j] = {.gains = {.kp = joint.kp, .ki = joint.ki, .kd = joint.kd},
+                        .torque_limit = limit == TorqueLimit::kDrive ? joint.drive_torque_limit
+                                                                     : joint.torque_limit,
+                        .lower = joint.lower,
+                        .upper = joint.upper,
+                        .velocity_limit = joint.velocity_limit};
+  }
+}
+
+}  // namespace
+
+bool matches(std::string_view pattern, std::string_view name) {
+  const std::size_t star = pattern.find('*');
+  if (star == std::string_view::npos) return pattern == name;
+  if (!name.starts_with(pattern.substr(0, star))) return false;
+  const std::string_view rest = pattern.substr(star + 1);
+  for (std::size_t from = star; from <= name.size(); ++from)
+    if (matches(rest, name.substr(from))) return true;
+  return false;
+}
+
+ControllerConfig load_controller_config(const std::filesystem::path& file,
+                                        const RobotModel& robot) {
+  const YamlNode root = YamlNode::load(file);
+  root.allow_only({"rate_hz", "feed_forward", "torque_limit", "torque_rate_limit",
+                   "derivative_filter", "transfer_time", "time_scale", "start", "hold_time",
+                   "tracking_error_limit", "stale_ticks_limit", "overshoot_limit",
+                   "velocity_factor", "gains"});
+  ControllerConfig config;
+  TorqueLimit limit = TorqueLimit::kPlan;
+  if (const auto node = root.find("torque_limit"))
+    limit = read_choice(*node, "plan", "drive") ? TorqueLimit::kPlan : TorqueLimit::kDrive;
+  take_from_robot(robot, limit, config);
+
+  if (const auto rate = root.find("rate_hz")) config.dt = 1.0 / rate->positive();
+  if (const auto node = root.find("feed_forward"))
+    config.feed_forward =
+        read_choice(*node, "plan", "none") ? FeedForward::kPlan : FeedForward::kNone;
+  read_positive(root, "torque_rate_limit", config.torque_rate_limit);
+  read_non_negative(root, "derivative_filter", config.derivative_filter);
+  read_non_negative(root, "transfer_time", config.transfer_time);
+  read_positive(root, "time_scale", config.time_scale);
+  if (const auto start = root.find("start")) read_start(*start, config);
+  read_non_negative(root, "hold_time", config.hold_time);
+  read_supervision(root, config);
+  if (const auto gains = root.find("gains"))
+    for (const YamlNode& group : gains->items()) read_gain_group(group, robot, config);
+  return config;
+}
+
+std::string describe(const LoadReport& report, const RobotModel& robot) {
+  std::ostringstream out;
+  out << to_string(report.status);
+  const std::string joint =
+      report.where.joint < robot.joints.size() ? robot.joints[report.where.joint].name : "?";
+  switch (report.status) {
+    case LoadStatus::kBadImage:
+      out << ": " << to_string(report.image);
+      if (report.image >= PlanImageStatus::kNotFinite)
+        out << " (keyframe " << report.where.keyframe << ", joint " << joint << ")";
+      break;
+    case LoadStatus::kOvershoot:
+      out << ": " << joint << " by " << report.worst << " rad";
+      break;
+    case LoadStatus::kTooFast:
+      out << ": " << joint << " at " << report.worst << " rad/s";
+      break;
+    default:
+      break;
+  }
+  return out.str();
+}
+
+}  // namespace clamber

@@ -1,0 +1,25 @@
+// Reads the controller's settings (configs/control/*.yaml) for a robot.
+// Start-up only: allocates, reads a file, throws InputError.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+#include "control/controller.hpp"
+#include "robot_model/model.hpp"
+
+namespace clamber {
+
+/// The robot's limits and gains with the file's settings over them.
+/// @throws InputError naming file, line and key; also for a gain group that matches no joint
+[[nodiscard]] ControllerConfig load_controller_config(const std::filesystem::path& file,
+                                                      const RobotModel& robot);
+
+/// True when `name` matches `pattern`, in which `*` stands for any characters.
+[[nodiscard]] bool matches(std::string_view pattern, std::string_view name);
+
+/// The one-line message for a plan that Controller::load() refused.
+[[nodiscard]] std::string describe(const LoadReport& report, const RobotModel& robot);
+
+}  // namespace clamber
