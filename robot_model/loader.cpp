@@ -29,6 +29,13 @@ constexpr std::array<DriveKey, 5> kDriveKeys = {{
 
 std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
+std::string quoted(const std::string& name) {
+  std::string result = "'";
+  result += name;
+  result += "'";
+  return result;
+}
+
 int require_geom(const RobotModel& model, const YamlNode& node) {
   const auto geom = model.find_geom(node.text());
   if (!geom) {
@@ -159,19 +166,20 @@ bool are_adjacent(const RobotModel& model, int body_a, int body_b) {
          model.bodies[index(body_b)].parent == body_a;
 }
 
-// A list of groups {group: any text, a: [...], b: [...]}: each geom of a against each of b; without
-// b: the geoms of a pairwise, the first with the second, the third with the fourth ...
+// A list of groups: {group, pairs: [[a, b], ...]} or {group, each_of: [...], with_each_of: [...]},
+// every primitive of the one list against every primitive of the other.
 class PairReader {
  public:
   explicit PairReader(const RobotModel& model) : model_(model) {}
 
   [[nodiscard]] std::vector<std::pair<int, int>> read(const YamlNode& list) {
     for (const YamlNode& group : list.items()) {
-      group.allow_only({"group", "pairs", "each_of", "with_each_of"});
       (void)group.at("group").text();
       if (const auto pairs = group.find("pairs")) {
+        group.allow_only({"group", "pairs"});
         read_pairs(*pairs);
       } else {
+        group.allow_only({"group", "each_of", "with_each_of"});
         read_product(group);
       }
     }
@@ -201,12 +209,12 @@ class PairReader {
     const int a = require_geom(model_, first);
     const int b = require_geom(model_, second);
     if (are_adjacent(model_, model_.geoms[index(a)].body, model_.geoms[index(b)].body)) {
-      second.fail("'" + first.text() + "' and '" + second.text() +
-                  "' belong to the same or to neighbouring bodies: they always touch");
+      second.fail(quoted(first.text()) + " and " + quoted(second.text()) +
+                  " belong to the same or to neighbouring bodies: they always touch");
     }
     const std::pair<int, int> pair = std::minmax(a, b);
     if (!seen_.insert(pair).second) {
-      second.fail("pair '" + first.text() + "', '" + second.text() + "' is given twice");
+      second.fail(quoted(first.text()) + " and " + quoted(second.text()) + " are paired twice");
     }
     pairs_.push_back(pair);
   }
@@ -284,6 +292,7 @@ RobotModel load_robot(const std::filesystem::path& robot_yaml, const LoadOptions
   tree.file = urdf_file.string();
   if (const auto order = root.find("joint_order")) {
     tree.joint_order = order->texts();
+    tree.order_source = order->where();
   }
   tree.added_mass = read_ballast(root, options.ballast_scale);
 

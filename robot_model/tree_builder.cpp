@@ -39,6 +39,10 @@ class TreeBuilder {
     throw InputError(options_.file + ": " + what);
   }
 
+  [[noreturn]] void fail_order(const std::string& what) const {
+    throw InputError(options_.order_source + ": " + what);
+  }
+
   void check_added_mass_links() const {
     for (const auto& [name, mass] : options_.added_mass) {
       const auto link = document_.getLink(name);
@@ -71,15 +75,15 @@ class TreeBuilder {
     std::set<std::string> listed;
     for (const std::string& name : *options_.joint_order) {
       if (!expected.contains(name)) {
-        fail("has no movable joint '" + name + "' (listed in joint_order)");
+        fail_order("the URDF has no movable joint '" + name + "'");
       }
       if (!listed.insert(name).second) {
-        fail("joint '" + name + "' is listed twice in joint_order");
+        fail_order("joint '" + name + "' is listed twice");
       }
     }
     for (const std::string& name : in_tree) {
       if (!listed.contains(name)) {
-        fail("movable joint '" + name + "' is missing from joint_order");
+        fail_order("the URDF's movable joint '" + name + "' is missing");
       }
     }
     return *options_.joint_order;
@@ -88,8 +92,8 @@ class TreeBuilder {
   void add_joint(const urdf::Joint& joint) {
     const auto parent = X_BL_.find(joint.parent_link_name);
     if (parent == X_BL_.end()) {
-      fail("joint '" + joint.name + "' comes before the joints that carry its parent link '" +
-           joint.parent_link_name + "' in joint_order: expected parents first");
+      fail_order("joint '" + joint.name + "' comes before the joints that carry its parent link '" +
+                 joint.parent_link_name + "': expected parents first");
     }
     model_.joints.push_back(read_joint(joint));
     const Eigen::Vector3d axis = from_urdf(joint.axis);

@@ -17,6 +17,7 @@ struct TreeOptions {
   std::string file;  ///< the URDF, named in messages
   /// Every movable joint once, parents before children. Without it: depth first, siblings by name.
   std::optional<std::vector<std::string>> joint_order;
+  std::string order_source;  ///< where joint_order was given, named in messages about it
   /// Link name -> mass added to it (kg, may be negative). The link's inertia scales with its mass,
   /// its centre of mass stays.
   std::map<std::string, double> added_mass;

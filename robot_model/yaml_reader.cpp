@@ -29,10 +29,17 @@ YamlNode YamlNode::parse(const std::string& text, const std::string& file) {
   }
 }
 
-void YamlNode::fail(const std::string& message) const {
+std::string YamlNode::where() const {
   const int line = std::max(node_.Mark().line, 0) + 1;
-  throw InputError(file_ + ":" + std::to_string(line) + ": " + (path_.empty() ? "" : path_ + ": ") +
-                   message);
+  std::string place = file_ + ":" + std::to_string(line);
+  if (!path_.empty()) {
+    place += ": " + path_;
+  }
+  return place;
+}
+
+void YamlNode::fail(const std::string& message) const {
+  throw InputError(where() + ": " + message);
 }
 
 void YamlNode::allow_only(std::initializer_list<std::string_view> keys) const {

@@ -38,6 +38,8 @@ class YamlNode {
   [[nodiscard]] bool flag() const;                       ///< true or false
   [[nodiscard]] std::vector<std::string> texts() const;  ///< a list of non-empty scalars
 
+  /// "<file>:<line>: <key path>": for messages about what this node caused elsewhere.
+  [[nodiscard]] std::string where() const;
   [[noreturn]] void fail(const std::string& message) const;
 
  private:
