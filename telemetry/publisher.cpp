@@ -89,11 +89,11 @@ class Publisher::Impl {
     joint_states_ = &participant_.create_writer(
         "rt/joint_states", dds::TypeSupport(new sensor_msgs::msg::dds_::JointState_PubSubType()),
         joint_states_qos());
-    description_ = &participant_.create_writer(
+    description_writer_ = &participant_.create_writer(
         prefix + "description", dds::TypeSupport(new msg::dds_::Description_PubSubType()),
         description_qos());
-    msg::dds_::Description_ wire = to_wire(config.robot, description);
-    write(*description_, &wire);
+    described_ = to_wire(config.robot, description);
+    write(*description_writer_, &described_);
     joint_state_.name() = description.joint_names;
     thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
   }
@@ -102,9 +102,13 @@ class Publisher::Impl {
     if (!thread_.joinable()) return;
     thread_.request_stop();
     thread_.join();
+    // Nobody acknowledges a frame, but a participant reads all its topics from one socket: whoever
+    // acknowledges what was sent after the last frame has that frame. Without it, word that the
+    // publisher has gone can overtake the end of the run.
+    write(*description_writer_, &described_);
     const Duration_t bound(kAcknowledgeSeconds, 0);
     joint_states_->wait_for_acknowledgments(bound);
-    description_->wait_for_acknowledgments(bound);
+    description_writer_->wait_for_acknowledgments(bound);
   }
 
   PublisherCounters counters() const noexcept {
@@ -178,7 +182,8 @@ class Publisher::Impl {
   DdsParticipant participant_;
   dds::DataWriter* frames_ = nullptr;
   dds::DataWriter* joint_states_ = nullptr;
-  dds::DataWriter* description_ = nullptr;
+  dds::DataWriter* description_writer_ = nullptr;
+  msg::dds_::Description_ described_;
 
   // Used by the publishing thread only.
   std::array<TelemetryFrame, kMaxBatch> popped_;

@@ -22,8 +22,10 @@ struct PublisherCounters {
 /// Topics:
 ///   rt/<robot>/telemetry/frames       clamber/msg/Batch: every tick; best effort, keep last 8
 ///   rt/joint_states                   sensor_msgs/msg/JointState: every 10th tick; reliable
-///   rt/<robot>/telemetry/description  clamber/msg/Description: once; reliable, transient local
-/// The first and the last of a run arrive as long as the subscriber was matched and keeps up.
+///   rt/<robot>/telemetry/description  clamber/msg/Description: at the start and, the same, at the
+///                                     end; reliable, transient local
+/// A subscriber to frames and description that was matched before the first tick and keeps up gets
+/// every frame: the second description is its proof to have had the last.
 class Publisher {
  public:
   /// Creates the DDS participant and starts publishing. Must run before any thread becomes

@@ -266,10 +266,10 @@ TEST(PublisherToCyclone, EveryFrameArrivesAtOneKilohertz) {
                                         "3a0350f11c5882bc9179260e;"));
 }
 
-TEST(PublisherToCyclone, EveryFrameArrivesFromASimulationTenTimesFaster) {
-  constexpr std::uint64_t kFrames = 10'000;
+TEST(PublisherToCyclone, EveryFrameArrivesFromASimulationFiveTimesFaster) {
+  constexpr std::uint64_t kFrames = 5000;
   PublisherCounters counters;
-  const PeerLog log = publish_to_peer(kFrames, 100us, counters);
+  const PeerLog log = publish_to_peer(kFrames, 200us, counters);
   EXPECT_EQ(counters.ring_drops, 0U);
   EXPECT_EQ(log.frames_, kFrames);
   EXPECT_EQ(log.frames_out_of_order_, 0U);

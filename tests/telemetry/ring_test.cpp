@@ -14,14 +14,17 @@ namespace {
 // Counts what this thread allocates, to show that pushing does not.
 thread_local int allocations = 0;
 
+// Not inlined: gcc would see free() meet a pointer from new and take that for a mistake.
+#define CLAMBER_NOINLINE __attribute__((noinline))
+
 }  // namespace
 
-void* operator new(std::size_t size) {
+CLAMBER_NOINLINE void* operator new(std::size_t size) {
   ++allocations;
   if (void* memory = std::malloc(size)) return memory;
   throw std::bad_alloc();
 }
-void* operator new(std::size_t size, std::align_val_t alignment) {
+CLAMBER_NOINLINE void* operator new(std::size_t size, std::align_val_t alignment) {
   ++allocations;
   const auto boundary = static_cast<std::size_t>(alignment);
   if (void* memory = std::aligned_alloc(boundary, (size + boundary - 1) / boundary * boundary)) {
@@ -29,10 +32,14 @@ void* operator new(std::size_t size, std::align_val_t alignment) {
   }
   throw std::bad_alloc();
 }
-void operator delete(void* memory) noexcept { std::free(memory); }
-void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
-void operator delete(void* memory, std::align_val_t) noexcept { std::free(memory); }
-void operator delete(void* memory, std::size_t, std::align_val_t) noexcept { std::free(memory); }
+CLAMBER_NOINLINE void operator delete(void* memory) noexcept { std::free(memory); }
+CLAMBER_NOINLINE void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+CLAMBER_NOINLINE void operator delete(void* memory, std::align_val_t) noexcept {
+  std::free(memory);
+}
+CLAMBER_NOINLINE void operator delete(void* memory, std::size_t, std::align_val_t) noexcept {
+  std::free(memory);
+}
 
 namespace clamber {
 namespace {
