@@ -14,6 +14,12 @@ constexpr double kConsistency = 1e-8;
 // Share of a normal outside the span of the active ones below which it counts as inside.
 constexpr double kDependence = 1e-11;
 
+bool cross(const Eigen::Ref<const Eigen::VectorXd>& lower,
+           const Eigen::Ref<const Eigen::VectorXd>& upper) {
+  return lower.size() > 0 && upper.size() > 0 &&
+         ((lower - upper).array() > kConsistency * (1.0 + upper.array().abs())).any();
+}
+
 bool is_violated(double amount, double side) {
   return amount > kFeasibility * (1.0 + std::abs(side));
 }
@@ -46,6 +52,10 @@ void DualActiveSet::start(Eigen::Index n) {
 
 QpStatus DualActiveSet::run(const LinearConstraints& constraints) {
   prepare(constraints);
+  if (cross(constraints.lower, constraints.upper) ||
+      cross(constraints.row_lower, constraints.row_upper)) {
+    return QpStatus::infeasible;
+  }
   if (const QpStatus status = add_equalities(constraints); status != QpStatus::optimal) {
     return status;
   }
