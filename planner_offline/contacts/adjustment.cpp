@@ -10,8 +10,6 @@
 namespace clamber {
 namespace {
 
-constexpr double kMoreTouch = 0.02;   // per s: breaks ties between saturated scores
-constexpr double kCostDepth = 0.1;    // m, depth the costs are given for
 constexpr double kStanding = 0.5;     // s before the first touch: the feet show the floor
 constexpr double kBelowFloor = 0.02;  // m, a sole lower than this: an earlier step up
 constexpr double kAfter = 0.5;        // s played after the last touch
@@ -132,16 +130,15 @@ class Search {
     return {low->lower_sole, high->lower_sole};
   }
 
-  /// Share of a touch that counts: 1 from `threshold` above the top to 1 below, then less.
+  /// How well a limb touches, 0..1: fully when it is just below the top (the playback presses it
+  /// on), nothing when it is further above than what counts as contact or deeper than the playback
+  /// can push it out.
   [[nodiscard]] double touch(const Ball& limb, double top, double front) const {
     const double gap = limb.z - limb.radius - top;
-    if (gap > config_.threshold || gap < -config_.give || limb.x < front) {
-      return 0.0;
-    }
+    const double above = 1.0 - std::max(gap, 0.0) / config_.threshold;
+    const double below = std::min(1.0, (config_.give + gap) / (0.5 * config_.give));
     const double inset = std::min(1.0, (limb.x - front) / config_.inset);
-    return inset * (gap >= -config_.threshold
-                        ? 1.0
-                        : (config_.give + gap) / (config_.give - config_.threshold));
+    return std::min(above, below) > 0.0 && inset > 0.0 ? std::min(above, below) * inset : 0.0;
   }
 
   [[nodiscard]] static double depth(const Ball& b, double top, double front) {
@@ -194,25 +191,27 @@ double Search::touch_score(double top, double front, const Episode& episode,
   }
   double score = 0.0;
   for (const double seconds : touched) {
-    score += std::min(seconds, config_.saturation) / config_.saturation + kMoreTouch * seconds;
+    score += seconds / (seconds + config_.half_time);
   }
   return score;
 }
 
 double Search::penalty(double top, double front, std::size_t first, std::size_t last) const {
-  double cost = 0.0;
+  double forbidden = 0.0;
+  double feet = 0.0;
+  double limbs = 0.0;
   for (std::size_t k = first; k <= last; ++k) {
     for (const Ball& b : samples_[k].forbidden) {
-      cost += config_.forbidden_cost * depth(b, top, front);
+      forbidden = std::max(forbidden, depth(b, top, front));
     }
     for (const Ball& b : samples_[k].corners) {
-      cost += config_.foot_cost * depth(b, top, front);
+      feet = std::max(feet, depth(b, top, front));
     }
     for (const Ball& b : samples_[k].limbs) {
-      cost += config_.limb_cost * std::max(0.0, depth(b, top, front) - config_.give);
+      limbs = std::max(limbs, depth(b, top, front) - config_.give);
     }
   }
-  return cost * period_ / kCostDepth;
+  return config_.forbidden_cost * forbidden + config_.foot_cost * feet + config_.limb_cost * limbs;
 }
 
 Adjustment Search::evaluate(double top, double front, const Episode& episode,

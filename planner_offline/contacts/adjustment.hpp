@@ -18,19 +18,22 @@ namespace clamber {
 struct AdjustmentConfig {
   double sample_period = 0.05;  ///< s (paper III-C)
   double threshold = 0.012;     ///< m above the top face that counts as contact
-  /// Depth below the top face that the playback can push a limb out of, m. A limb's touch counts
-  /// fully at the surface and falls linearly to nothing at this depth.
+  /// Depth below the top face that the playback can push a limb out of, m (drives and guide give
+  /// way). Down to half of it a touch counts fully, then less.
   double give = 0.06;
-  double inset = 0.05;          ///< m from the front edge at which a touch counts fully
-  double pause = 2.0;           ///< s without touch that ends an attempt
-  double saturation = 1.5;      ///< s of touch per link beyond which more is worth nothing
-  double forbidden_cost = 4.0;  ///< per s and 0.1 m of depth: torso and pelvis in the obstacle
-  double foot_cost = 1.0;       ///< the same: soles through the obstacle's front
-  double limb_cost = 0.5;       ///< the same: wrist, elbow, knee deeper than `give`
-  double lowest = 0.12;         ///< m, obstacle heights tried (of the paper's size of task)
-  double highest = 0.50;        ///< m
-  double height_step = 0.005;   ///< m
-  double distance_step = 0.02;  ///< m
+  double inset = 0.05;  ///< m from the front edge at which a touch counts fully
+  double pause = 2.0;   ///< s without touch that ends an attempt
+  /// Score of a placement: sum over wrists, elbows and knees of t / (t + half_time), t the link's
+  /// seconds of touch, so that a further link is worth more than longer touch; less the costs, each
+  /// per m of the deepest overlap with the obstacle.
+  double half_time = 1.5;        ///< s
+  double forbidden_cost = 50.0;  ///< 1/m, torso and pelvis
+  double foot_cost = 5.0;        ///< 1/m, soles (toes at the front face: they are pushed back)
+  double limb_cost = 5.0;        ///< 1/m, wrist, elbow, knee beyond `give`
+  double lowest = 0.12;          ///< m, obstacle heights tried (of the paper's size of task)
+  double highest = 0.50;         ///< m
+  double height_step = 0.005;    ///< m
+  double distance_step = 0.02;   ///< m
 };
 
 /// How a motion is placed before an obstacle.
