@@ -19,10 +19,12 @@
 //   pyramid. The first direction is laid along the slip, or while sticking along the tangential
 //   force of the step before, so the bound on the force that matters is the cone's own. Slip
 //   thresholds are within 10 % of the cone in every direction (tests/sim_backend).
-// - dWorldQuickStep starts its iteration from zero. To make few iterations accurate, the wrench
-// each
-//   joint carried in the step before is applied to its two bodies beforehand, so that the iteration
-//   only solves for the change (a warm start). dWorldStep is available as the slow exact reference.
+// - Contacts are spring-dampers (contact_stiffness, contact_damping), solved implicitly.
+// - dWorldQuickStep starts its iteration from zero. To make few iterations accurate, what each
+// joint
+//   and contact carried in the step before is applied beforehand, and the iteration only solves for
+//   the change (a warm start, see ode_joints.hpp, ode_contacts.hpp). dWorldStep is available as the
+//   slow exact reference; docs/benchmarks.md compares the two.
 #pragma once
 
 #include <memory>
@@ -43,7 +45,7 @@ enum class OdeStepper {
 struct OdeOptions {
   double step = 1e-3;  ///< s
   OdeStepper stepper = OdeStepper::kQuick;
-  int iterations = 50;  ///< of the quick stepper
+  int iterations = 40;  ///< of the quick stepper
   /// N m: where every drive saturates; empty: each joint's drive_torque_limit.
   std::optional<double> saturate_at;
   Eigen::Vector3d gravity{0.0, 0.0, -kGravity};  ///< m/s^2
@@ -56,7 +58,10 @@ struct OdeOptions {
 
 class OdeWorld {
  public:
-  /// Copies what it needs; the robot starts at the scenario's start configuration, at rest.
+  /// Copies what it needs; the robot starts at x, at rest.
+  OdeWorld(const RobotModel& model, const Scenario& scenario, const Configuration& x,
+           const OdeOptions& options = {});
+  /// The same at the scenario's start configuration. @throws InputError, see start_configuration()
   OdeWorld(const RobotModel& model, const Scenario& scenario, const OdeOptions& options = {});
   ~OdeWorld();
   OdeWorld(const OdeWorld&) = delete;

@@ -1,0 +1,149 @@
+#include "sim_backend/ode_joints.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "sim_backend/ode_conversions.hpp"
+
+namespace clamber {
+namespace {
+
+// 50 N m lean 1 mrad into a stop; the damping takes the bounce out of it.
+constexpr double kStopStiffness = 5e4;  // N m/rad
+constexpr double kStopDamping = 200.0;  // N m s/rad
+
+}  // namespace
+
+OdeJoints::OdeJoints(const RobotModel& model, const OdeOptions& options, dWorldID world,
+                     const std::vector<dBodyID>& bodies, const RobotData& data)
+    : model_(model),
+      options_(options),
+      bodies_(bodies),
+      feedback_(model.joints.size()),
+      wrenches_(model.joints.size()),
+      places_(model.joints.size()),
+      tau_(JointVector::Zero(model.joint_count())) {
+  for (std::size_t i = 0; i < model_.joints.size(); ++i) {
+    dJointID hinge = dJointCreateHinge(world, nullptr);
+    dJointAttach(hinge, child(i), parent(i));
+    const Eigen::Vector3d& p = data.X_WB[i + 1].p;
+    const Eigen::Vector3d& a = data.axis_W[i + 1];
+    dJointSetHingeAnchor(hinge, p.x(), p.y(), p.z());
+    dJointSetHingeAxis(hinge, a.x(), a.y(), a.z());
+    dJointSetFeedback(hinge, &feedback_[i]);
+    hinges_.push_back(hinge);
+  }
+}
+
+dBodyID OdeJoints::parent(std::size_t joint) const {
+  return bodies_[static_cast<std::size_t>(model_.bodies[joint + 1].parent)];
+}
+
+void OdeJoints::forget() {
+  std::fill(wrenches_.begin(), wrenches_.end(), Wrench{});
+  tau_.setZero();
+}
+
+OdeJoints::Place OdeJoints::locate(std::size_t joint) const {
+  dVector3 anchor;
+  dVector3 axis;
+  dJointGetHingeAnchor(hinges_[joint], anchor);
+  dJointGetHingeAxis(hinges_[joint], axis);
+  Place place;
+  place.R_parent = rotation_of(parent(joint));
+  place.anchor = to_eigen(anchor);
+  place.arm = place.anchor - position_of(child(joint));
+  place.axis = to_eigen(axis);
+  return place;
+}
+
+OdeJoints::Row OdeJoints::row(std::size_t joint, double tau, double q, double rate) const {
+  const Joint& limits = model_.joints[joint];
+  const double h = options_.step;
+  Row row{tau + limits.reflected_inertia / h * rate, limits.reflected_inertia / h + limits.damping};
+  const double beyond = std::max(0.0, q - limits.upper) + std::min(0.0, q - limits.lower);
+  if (beyond != 0.0) {
+    row.drive -= kStopStiffness * beyond;
+    row.resistance += h * kStopStiffness;
+    if (beyond * rate > 0.0) {  // damping on the way in only: a stop does not hold back
+      row.resistance += kStopDamping;
+    }
+  }
+  return row;
+}
+
+void OdeJoints::set_row(std::size_t joint, const Row& row) {
+  const Place& place = places_[joint];
+  Wrench& wrench = wrenches_[joint];
+  const Eigen::Vector3d axis_P = place.R_parent.transpose() * place.axis;
+  if (row.resistance <= 0.0) {
+    // A bare joint has no row; what is left of an earlier one (its stop's) must not be applied.
+    dJointSetHingeParam(hinges_[joint], dParamFMax, 0.0);
+    dJointAddHingeTorque(hinges_[joint], row.drive);
+    wrench.moment -= axis_P * axis_P.dot(wrench.moment);
+    return;
+  }
+  const double applied = axis_P.dot(wrench.moment);
+  dJointSetHingeParam(hinges_[joint], dParamFMax, dInfinity);
+  dJointSetHingeParam(hinges_[joint], dParamVel, (row.drive - applied) / row.resistance);
+  dJointSetHingeParam(hinges_[joint], dParamCFM, 1.0 / row.resistance);
+}
+
+void OdeJoints::apply_wrench(std::size_t joint) {
+  const Place& place = places_[joint];
+  const Eigen::Vector3d& p = place.anchor;
+  const Eigen::Vector3d f = place.R_parent * wrenches_[joint].force;
+  const Eigen::Vector3d m = place.R_parent * wrenches_[joint].moment;
+  dBodyAddForceAtPos(child(joint), f.x(), f.y(), f.z(), p.x(), p.y(), p.z());
+  dBodyAddTorque(child(joint), m.x(), m.y(), m.z());
+  dBodyAddForceAtPos(parent(joint), -f.x(), -f.y(), -f.z(), p.x(), p.y(), p.z());
+  dBodyAddTorque(parent(joint), -m.x(), -m.y(), -m.z());
+}
+
+void OdeJoints::drive(const JointVector& command, const JointVector& q, const VelocityVector& v) {
+  for (std::size_t i = 0; i < hinges_.size(); ++i) {
+    const auto j = static_cast<Eigen::Index>(i);
+    const double limit = options_.saturate_at.value_or(model_.joints[i].drive_torque_limit);
+    tau_[j] = std::clamp(command[j], -limit, limit);
+    places_[i] = locate(i);
+    set_row(i, row(i, tau_[j], q[j], v[6 + j]));
+    if (options_.stepper == OdeStepper::kQuick) {
+      apply_wrench(i);
+    }
+  }
+}
+
+void OdeJoints::read() {
+  if (options_.stepper != OdeStepper::kQuick) {
+    return;  // the exact stepper needs no guess
+  }
+  for (std::size_t i = 0; i < hinges_.size(); ++i) {
+    const Eigen::Vector3d f = to_eigen(feedback_[i].f1);
+    const Eigen::Vector3d m = to_eigen(feedback_[i].t1) - places_[i].arm.cross(f);
+    wrenches_[i].force += places_[i].R_parent.transpose() * f;
+    wrenches_[i].moment += places_[i].R_parent.transpose() * m;
+  }
+}
+
+double OdeJoints::angle(std::size_t joint, double near) const {
+  constexpr double kTurn = 2.0 * std::numbers::pi;
+  const double folded = dJointGetHingeAngle(hinges_[joint]);
+  return folded + kTurn * std::round((near - folded) / kTurn);
+}
+
+double OdeJoints::rate(std::size_t joint) const { return dJointGetHingeAngleRate(hinges_[joint]); }
+
+double OdeJoints::separation() const {
+  double worst = 0.0;
+  for (dJointID hinge : hinges_) {
+    dVector3 a;
+    dVector3 b;
+    dJointGetHingeAnchor(hinge, a);
+    dJointGetHingeAnchor2(hinge, b);
+    worst = std::max(worst, (to_eigen(a) - to_eigen(b)).norm());
+  }
+  return worst;
+}
+
+}  // namespace clamber
