@@ -19,8 +19,9 @@ constexpr double kMinDamping = 1e-12;
 constexpr double kMaxDamping = 1e6;
 }  // namespace
 
-ChainSolver::ChainSolver(const RobotModel& model, std::vector<int> joints)
-    : joints_(std::move(joints)) {
+ChainSolver::ChainSolver(const RobotModel& model, std::vector<int> joints, ChainMatch match,
+                         const Eigen::Vector3d& axis)
+    : joints_(std::move(joints)), match_(match), axis_(axis) {
   for (const int j : joints_) {
     const auto& body = model.bodies[static_cast<std::size_t>(j) + 1];
     const auto& joint = model.joints[static_cast<std::size_t>(j)];
@@ -37,10 +38,22 @@ Eigen::Matrix3d ChainSolver::rotation(const Angles& q) const noexcept {
   return R;
 }
 
+/// Rotation vector from R to the target, in the frame of the body before the chain.
+Eigen::Vector3d ChainSolver::error(const Eigen::Matrix3d& target,
+                                   const Eigen::Matrix3d& R) const noexcept {
+  if (match_ == ChainMatch::kRotation) return rotation_log(target * R.transpose());
+  const Eigen::Vector3d from = R * axis_;
+  const Eigen::Vector3d to = target * axis_;
+  const Eigen::Vector3d normal = from.cross(to);
+  const double sine = normal.norm();
+  if (sine < 1e-15) return Eigen::Vector3d::Zero();
+  return normal * (std::atan2(sine, from.dot(to)) / sine);
+}
+
 ChainSolver::Angles ChainSolver::solve(const Eigen::Matrix3d& target, const Angles& start,
                                        double& residual) const noexcept {
   Angles q = start;
-  Eigen::Vector3d error = rotation_log(target * rotation(q).transpose());
+  Eigen::Vector3d remaining = error(target, rotation(q));
   double damping = 1e-6;
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     Columns J(3, size());
@@ -51,14 +64,18 @@ ChainSolver::Angles ChainSolver::solve(const Eigen::Matrix3d& target, const Angl
       J.col(i) = R * link.axis;
       R = R * Eigen::AngleAxisd(q[i], link.axis).toRotationMatrix();
     }
+    if (match_ == ChainMatch::kLongAxis) {
+      const Eigen::Vector3d along = R * axis_;
+      J -= (along * (along.transpose() * J)).eval();
+    }
     Normal A = J.transpose() * J;
     A.diagonal().array() += damping;
-    const Angles step = A.llt().solve(J.transpose() * error);
+    const Angles step = A.llt().solve(J.transpose() * remaining);
     const Angles trial = q + step;
-    const Eigen::Vector3d trial_error = rotation_log(target * rotation(trial).transpose());
-    if (trial_error.squaredNorm() <= error.squaredNorm()) {
+    const Eigen::Vector3d trial_error = error(target, rotation(trial));
+    if (trial_error.squaredNorm() <= remaining.squaredNorm()) {
       q = trial;
-      error = trial_error;
+      remaining = trial_error;
       damping = std::max(damping * 0.1, kMinDamping);
       if (step.cwiseAbs().maxCoeff() < kConverged) break;
     } else {
@@ -66,7 +83,7 @@ ChainSolver::Angles ChainSolver::solve(const Eigen::Matrix3d& target, const Angl
       if (damping > kMaxDamping) break;
     }
   }
-  residual = error.norm();
+  residual = remaining.norm();
   return q;
 }
 

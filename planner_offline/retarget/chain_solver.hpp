@@ -9,6 +9,12 @@
 
 namespace clamber {
 
+/// What a chain reproduces of the rotation.
+enum class ChainMatch {
+  kRotation,  ///< all of it, as nearly as the joints can
+  kLongAxis,  ///< the direction of the moved segment's z axis; turning about it does not count
+};
+
 /// Rotation of a chain of up to three revolute joints, from the body before the first joint to
 /// the body after the last one.
 class ChainSolver {
@@ -16,11 +22,14 @@ class ChainSolver {
   using Angles = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 3, 1>;
 
   /// @param joints indices of consecutive joints of the tree, parent first (1 to 3)
-  ChainSolver(const RobotModel& model, std::vector<int> joints);
+  /// @param axis the moved segment's long axis in the last body, used by kLongAxis (unit)
+  ChainSolver(const RobotModel& model, std::vector<int> joints,
+              ChainMatch match = ChainMatch::kRotation,
+              const Eigen::Vector3d& axis = Eigen::Vector3d::UnitZ());
 
   [[nodiscard]] Eigen::Matrix3d rotation(const Angles& q) const noexcept;
 
-  /// Angles whose rotation is nearest to `target` (least squares over the rotation vector of the
+  /// Angles that come nearest to `target` (least squares over the rotation vector of the
   /// difference), found by damped Gauss-Newton from `start`, so that a motion solved frame by
   /// frame stays on one branch and is continuous. Limits are not applied.
   /// @return angles; `residual` gets the remaining rotation, rad
@@ -42,8 +51,13 @@ class ChainSolver {
     double lower = 0.0;
     double upper = 0.0;
   };
+  [[nodiscard]] Eigen::Vector3d error(const Eigen::Matrix3d& target,
+                                      const Eigen::Matrix3d& R) const noexcept;
+
   std::vector<int> joints_;
   std::vector<Link> links_;
+  ChainMatch match_;
+  Eigen::Vector3d axis_;
 };
 
 }  // namespace clamber

@@ -115,8 +115,9 @@ class Retargeter {
         model_.bodies[static_cast<std::size_t>(joints.front()) + 1].parent);
     const auto after = static_cast<std::size_t>(joints.back()) + 1;
     return {motion_.segment(chain.from), motion_.segment(chain.to),
-            ChainSolver(model_, std::move(joints)), neutral_data_.X_WB[before].R,
-            neutral_data_.X_WB[after].R};
+            ChainSolver(model_, std::move(joints), chain.match,
+                        neutral_data_.X_WB[after].R.transpose().col(2)),
+            neutral_data_.X_WB[before].R, neutral_data_.X_WB[after].R};
   }
 
   void map_chain(const MappedChain& chain, RobotMotion& out) const {

@@ -6,9 +6,16 @@ namespace clamber {
 namespace {
 
 RetargetChain read_chain(const std::string& name, const YamlNode& node) {
-  node.allow_only({"from", "to", "joints"});
+  node.allow_only({"from", "to", "joints", "match"});
   RetargetChain chain{name, node.at("from").text(), node.at("to").text(),
                       node.at("joints").texts()};
+  if (const auto match = node.find("match")) {
+    if (match->text() == "long_axis") {
+      chain.match = ChainMatch::kLongAxis;
+    } else if (match->text() != "rotation") {
+      match->fail("expected rotation or long_axis");
+    }
+  }
   if (chain.joints.empty() || chain.joints.size() > 3) {
     node.at("joints").fail("expected 1 to 3 joint names");
   }

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "planner_offline/retarget/chain_solver.hpp"
+
 namespace clamber {
 
 /// Joints that follow one another in the robot's tree and together take over the rotation from
@@ -15,6 +17,8 @@ struct RetargetChain {
   std::string from;                 ///< human segment nearer the pelvis
   std::string to;                   ///< human segment that the chain moves
   std::vector<std::string> joints;  ///< 1 to 3 robot joints, from the parent to the child
+  /// Elbows and knees: the direction of the forearm or shank, whatever the pronation.
+  ChainMatch match = ChainMatch::kRotation;
 };
 
 /// A leg of the robot: its length scales the human's pelvis path.
