@@ -5,6 +5,7 @@
 #define GL_GLEXT_PROTOTYPES
 #include <GL/glcorearb.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -17,7 +18,6 @@ namespace clamber {
 
 namespace {
 
-constexpr int kSupersample = 2;  // on top of multisampling: smooths highlights and textures too
 constexpr int kShadowSize = 2048;
 constexpr std::size_t kMaxRounds = 64;
 constexpr std::size_t kMaxBoxes = 8;
@@ -145,23 +145,30 @@ void set_occluders(GLuint program, const Scene& scene) {
   }
 }
 
-// Averages kSupersample^2 pixels and turns the rows: OpenGL's first row is the lowest.
-Image downsample(const std::vector<std::uint8_t>& big, int width, int height) {
+// Stands over the viewer's shoulder: shadows fall away from us, highlights face us.
+Eigen::Vector3d light_direction(const Camera& camera) {
+  const Eigen::Vector3d back = camera.eye - camera.target;
+  const double azimuth = std::atan2(back.y(), back.x()) + 0.55;
+  return Eigen::Vector3d(0.62 * std::cos(azimuth), 0.62 * std::sin(azimuth), 1.0).normalized();
+}
+
+// Averages factor x factor pixels and turns the rows: OpenGL's first row is the lowest.
+Image downsample(const std::vector<std::uint8_t>& big, int width, int height, int factor) {
   Image image(width, height);
-  const std::size_t stride = 4 * static_cast<std::size_t>(width) * kSupersample;
+  const std::size_t stride = 4 * static_cast<std::size_t>(width * factor);
+  const auto count = static_cast<unsigned>(factor * factor);
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       std::uint8_t* out = image.pixel(x, y);
       for (std::size_t c = 0; c < 3; ++c) {
         unsigned sum = 0;
-        for (int j = 0; j < kSupersample; ++j) {
-          const auto row = static_cast<std::size_t>((height - 1 - y) * kSupersample + j);
-          for (int i = 0; i < kSupersample; ++i) {
-            sum += big[row * stride + 4 * static_cast<std::size_t>(x * kSupersample + i) + c];
+        for (int j = 0; j < factor; ++j) {
+          const auto row = static_cast<std::size_t>((height - 1 - y) * factor + j);
+          for (int i = 0; i < factor; ++i) {
+            sum += big[row * stride + 4 * static_cast<std::size_t>(x * factor + i) + c];
           }
         }
-        constexpr unsigned kCount = kSupersample * kSupersample;
-        out[c] = static_cast<std::uint8_t>((sum + kCount / 2) / kCount);
+        out[c] = static_cast<std::uint8_t>((sum + count / 2) / count);
       }
     }
   }
@@ -192,10 +199,17 @@ struct Renderer::Gl {
     GLuint depth = 0;
   };
 
+  /// Where the parts of a scene begin in the vertex buffer: floor from 0, then these.
+  struct Parts {
+    GLsizei solid = 0;   ///< what casts shadows
+    GLsizei arrows = 0;  ///< drawn over everything
+    GLsizei end = 0;
+  };
+
   EGLDisplay display = EGL_NO_DISPLAY;
   EGLContext context = EGL_NO_CONTEXT;
   GLuint surface_program = 0;
-  GLuint shadow_program = 0;
+  GLuint depth_program = 0;
   GLuint background_program = 0;
   GLuint vertex_array = 0;
   GLuint vertex_buffer = 0;
@@ -213,7 +227,13 @@ struct Renderer::Gl {
   void make_current() const;
   void make_buffers();
   void resize(int new_width, int new_height);
-  void draw_shadow(const Eigen::Matrix4f& light, GLint first, GLsizei count) const;
+  [[nodiscard]] Parts upload(const Scene& scene, const Camera& camera) const;
+  void draw_shadow(const Eigen::Matrix4f& light, const Parts& parts) const;
+  void draw_background() const;
+  /// Depth alone first, so that the costly surface shader runs once a pixel.
+  void draw_depth(const Eigen::Matrix4f& projection, const Parts& parts) const;
+  void draw_surfaces(const Parts& parts) const;
+  [[nodiscard]] std::vector<std::uint8_t> read_pixels() const;
 
  private:
   void make_context();
@@ -242,7 +262,7 @@ Renderer::Gl::Gl() : display(surfaceless_display()) {
   using namespace shaders;
   const std::string head = std::string("#version 330 core\n") + kBackgroundCommon;
   surface_program = link_program(kSurfaceVertex, head + kSurfaceFragment);
-  shadow_program = link_program(kShadowVertex, kShadowFragment);
+  depth_program = link_program(kDepthVertex, kDepthFragment);
   background_program = link_program(kBackgroundVertex, head + kBackgroundFragment);
   make_buffers();
 }
@@ -321,17 +341,84 @@ void Renderer::Gl::resize(int new_width, int new_height) {
   height = new_height;
 }
 
-void Renderer::Gl::draw_shadow(const Eigen::Matrix4f& light, GLint first, GLsizei count) const {
-  glBindFramebuffer(GL_FRAMEBUFFER, shadow_framebuffer);
-  glViewport(0, 0, kShadowSize, kShadowSize);
-  glEnable(GL_DEPTH_TEST);
-  glClear(GL_DEPTH_BUFFER_BIT);
-  glUseProgram(shadow_program);
-  set(shadow_program, "light", light);
-  glDrawArrays(GL_TRIANGLES, first, count);
+Renderer::Gl::Parts Renderer::Gl::upload(const Scene& scene, const Camera& camera) const {
+  std::vector<MeshVertex> mesh;
+  Parts parts;
+  append_floor(camera.target, mesh);
+  parts.solid = static_cast<GLsizei>(mesh.size());
+  for (const ScenePrimitive& primitive : scene.primitives) {
+    append_primitive(primitive, mesh);
+  }
+  parts.arrows = static_cast<GLsizei>(mesh.size());
+  for (const SceneArrow& arrow : scene.arrows) {
+    append_arrow(arrow, mesh);
+  }
+  parts.end = static_cast<GLsizei>(mesh.size());
+  glBindVertexArray(vertex_array);
+  glBindBuffer(GL_ARRAY_BUFFER, vertex_buffer);
+  glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(mesh.size() * sizeof(MeshVertex)),
+               mesh.data(), GL_STREAM_DRAW);
+  return parts;
 }
 
-Renderer::Renderer() : gl_(std::make_unique<Gl>()) {}
+void Renderer::Gl::draw_shadow(const Eigen::Matrix4f& light, const Parts& parts) const {
+  glBindFramebuffer(GL_FRAMEBUFFER, shadow_framebuffer);
+  glViewport(0, 0, kShadowSize, kShadowSize);
+  glDisable(GL_CULL_FACE);
+  glEnable(GL_DEPTH_TEST);
+  glDepthFunc(GL_LEQUAL);
+  glClear(GL_DEPTH_BUFFER_BIT);
+  glUseProgram(depth_program);
+  set(depth_program, "projection", light);
+  glDrawArrays(GL_TRIANGLES, parts.solid, parts.arrows - parts.solid);
+}
+
+void Renderer::Gl::draw_background() const {
+  glBindFramebuffer(GL_FRAMEBUFFER, multisampled.framebuffer);
+  glViewport(0, 0, width, height);
+  glEnable(GL_MULTISAMPLE);
+  glClear(GL_DEPTH_BUFFER_BIT);
+  glDisable(GL_DEPTH_TEST);
+  glUseProgram(background_program);
+  glUniform1f(uniform(background_program, "picture_height"), static_cast<float>(height));
+  glDrawArrays(GL_TRIANGLES, 0, 3);
+}
+
+void Renderer::Gl::draw_depth(const Eigen::Matrix4f& projection, const Parts& parts) const {
+  glEnable(GL_DEPTH_TEST);
+  glEnable(GL_CULL_FACE);
+  glColorMask(GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
+  glUseProgram(depth_program);
+  set(depth_program, "projection", projection);
+  glDrawArrays(GL_TRIANGLES, 0, parts.arrows);
+  glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+}
+
+void Renderer::Gl::draw_surfaces(const Parts& parts) const {
+  set(surface_program, "is_overlay", 0);
+  set(surface_program, "is_floor", 1);
+  glDrawArrays(GL_TRIANGLES, 0, parts.solid);
+  set(surface_program, "is_floor", 0);
+  glDrawArrays(GL_TRIANGLES, parts.solid, parts.arrows - parts.solid);
+  if (parts.end > parts.arrows) {
+    glClear(GL_DEPTH_BUFFER_BIT);  // arrows show through the limb they push
+    set(surface_program, "is_overlay", 1);
+    glDrawArrays(GL_TRIANGLES, parts.arrows, parts.end - parts.arrows);
+  }
+}
+
+std::vector<std::uint8_t> Renderer::Gl::read_pixels() const {
+  glBindFramebuffer(GL_READ_FRAMEBUFFER, multisampled.framebuffer);
+  glBindFramebuffer(GL_DRAW_FRAMEBUFFER, resolved.framebuffer);
+  glBlitFramebuffer(0, 0, width, height, 0, 0, width, height, GL_COLOR_BUFFER_BIT, GL_NEAREST);
+  glBindFramebuffer(GL_READ_FRAMEBUFFER, resolved.framebuffer);
+  std::vector<std::uint8_t> pixels(4 * static_cast<std::size_t>(width) *
+                                   static_cast<std::size_t>(height));
+  glReadPixels(0, 0, width, height, GL_RGBA, GL_UNSIGNED_BYTE, pixels.data());
+  return pixels;
+}
+
+Renderer::Renderer(int supersample) : gl_(std::make_unique<Gl>()), supersample_(supersample) {}
 Renderer::~Renderer() = default;
 
 Image Renderer::render(const Scene& scene, const Camera& camera, int width, int height) {
@@ -339,81 +426,34 @@ Image Renderer::render(const Scene& scene, const Camera& camera, int width, int 
     throw RenderError("a picture needs a positive size");
   }
   gl_->make_current();
-  gl_->resize(width * kSupersample, height * kSupersample);
+  gl_->resize(width * supersample_, height * supersample_);
+  const Gl::Parts parts = gl_->upload(scene, camera);
+  const Eigen::Vector3d to_light = light_direction(camera);
+  const Eigen::Matrix4f light =
+      orthographic(1.5, 6.0) * look_at(camera.target + 3.0 * to_light, camera.target);
+  const double aspect = static_cast<double>(width) / height;
+  const Eigen::Matrix4f projection =
+      perspective(camera.field_of_view, aspect, 0.1, 20.0) * look_at(camera.eye, camera.target);
 
-  // One buffer: floor, then what casts shadows, then the arrows on top.
-  std::vector<MeshVertex> mesh;
-  append_floor(camera.target, mesh);
-  const auto solid_begin = static_cast<GLsizei>(mesh.size());
-  for (const ScenePrimitive& primitive : scene.primitives) {
-    append_primitive(primitive, mesh);
-  }
-  const auto arrow_begin = static_cast<GLsizei>(mesh.size());
-  for (const SceneArrow& arrow : scene.arrows) {
-    append_arrow(arrow, mesh);
-  }
-  const auto end = static_cast<GLsizei>(mesh.size());
-  glBindVertexArray(gl_->vertex_array);
-  glBindBuffer(GL_ARRAY_BUFFER, gl_->vertex_buffer);
-  glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(mesh.size() * sizeof(MeshVertex)),
-               mesh.data(), GL_STREAM_DRAW);
-
-  // The light stands over the viewer's shoulder: shadows fall away from us, highlights face us.
-  const Eigen::Vector3d back = camera.eye - camera.target;
-  const double azimuth = std::atan2(back.y(), back.x()) + 0.55;
-  const Eigen::Vector3d to_light =
-      Eigen::Vector3d(0.62 * std::cos(azimuth), 0.62 * std::sin(azimuth), 1.0).normalized();
-  const Eigen::Vector3d light_eye = camera.target + 3.0 * to_light;
-  const Eigen::Matrix4f light = orthographic(1.5, 6.0) * look_at(light_eye, camera.target);
-  gl_->draw_shadow(light, solid_begin, arrow_begin - solid_begin);
-
-  glBindFramebuffer(GL_FRAMEBUFFER, gl_->multisampled.framebuffer);
-  glViewport(0, 0, gl_->width, gl_->height);
-  glEnable(GL_MULTISAMPLE);
-  glClear(GL_DEPTH_BUFFER_BIT);
-  glDisable(GL_DEPTH_TEST);
-  glUseProgram(gl_->background_program);
-  const auto picture_height = static_cast<float>(gl_->height);
-  glUniform1f(uniform(gl_->background_program, "picture_height"), picture_height);
-  glDrawArrays(GL_TRIANGLES, 0, 3);
-
-  glEnable(GL_DEPTH_TEST);
+  gl_->draw_shadow(light, parts);
+  gl_->draw_background();
+  gl_->draw_depth(projection, parts);
   const GLuint program = gl_->surface_program;
   glUseProgram(program);
-  glUniform1f(uniform(program, "picture_height"), picture_height);
-  const double aspect = static_cast<double>(width) / height;
-  set(program, "camera",
-      Eigen::Matrix4f(perspective(camera.field_of_view, aspect, 0.1, 20.0) *
-                      look_at(camera.eye, camera.target)));
+  glUniform1f(uniform(program, "picture_height"), static_cast<float>(gl_->height));
+  set(program, "projection", projection);
   set(program, "light", light);
   set(program, "eye", camera.eye);
   set(program, "target", camera.target);
   set(program, "to_light", to_light);
   set(program, "shadow_map", 0);
   set_occluders(program, scene);
-  set(program, "is_overlay", 0);
-  set(program, "is_floor", 1);
-  glDrawArrays(GL_TRIANGLES, 0, solid_begin);
-  set(program, "is_floor", 0);
-  glDrawArrays(GL_TRIANGLES, solid_begin, arrow_begin - solid_begin);
-  if (end > arrow_begin) {
-    glClear(GL_DEPTH_BUFFER_BIT);  // arrows show through the limb they push
-    set(program, "is_overlay", 1);
-    glDrawArrays(GL_TRIANGLES, arrow_begin, end - arrow_begin);
-  }
-
-  glBindFramebuffer(GL_READ_FRAMEBUFFER, gl_->multisampled.framebuffer);
-  glBindFramebuffer(GL_DRAW_FRAMEBUFFER, gl_->resolved.framebuffer);
-  glBlitFramebuffer(0, 0, gl_->width, gl_->height, 0, 0, gl_->width, gl_->height,
-                    GL_COLOR_BUFFER_BIT, GL_NEAREST);
-  glBindFramebuffer(GL_READ_FRAMEBUFFER, gl_->resolved.framebuffer);
-  std::vector<std::uint8_t> big(4 * static_cast<std::size_t>(gl_->width) *
-                                static_cast<std::size_t>(gl_->height));
-  glReadPixels(0, 0, gl_->width, gl_->height, GL_RGBA, GL_UNSIGNED_BYTE, big.data());
+  gl_->draw_surfaces(parts);
+  const std::vector<std::uint8_t> pixels = gl_->read_pixels();
   if (glGetError() != GL_NO_ERROR) {
     throw RenderError("OpenGL reports an error while drawing");
   }
-  return downsample(big, width, height);
+  return downsample(pixels, width, height, supersample_);
 }
 
 std::string Renderer::driver() const {

@@ -4,6 +4,7 @@
 
 #include <memory>
 #include <stdexcept>
+#include <string>
 
 #include "report/image.hpp"
 #include "report/scene.hpp"
@@ -18,8 +19,9 @@ class RenderError : public std::runtime_error {
 
 class Renderer {
  public:
-  /// @throws RenderError
-  Renderer();
+  /// `supersample`: drawn that many times larger in each direction and averaged, on top of
+  /// multisampling; smooths highlights and textures too. @throws RenderError
+  explicit Renderer(int supersample = 2);
   Renderer(const Renderer&) = delete;
   Renderer& operator=(const Renderer&) = delete;
   ~Renderer();
@@ -34,6 +36,7 @@ class Renderer {
  private:
   struct Gl;
   std::unique_ptr<Gl> gl_;
+  int supersample_;
 };
 
 }  // namespace clamber

@@ -79,7 +79,7 @@ Eigen::Vector3d touch_point(const ContactLink& contact, const RobotData& data) {
   return sum - contact.radius * Eigen::Vector3d::UnitZ();
 }
 
-// The extent of the home posture along z, from the middles of the geoms.
+// The extent of the home posture along z, each geom taken as the sphere around it.
 double standing_height(const RobotModel& model) {
   RobotData data;
   Configuration home;
@@ -89,8 +89,9 @@ double standing_height(const RobotModel& model) {
   double high = std::numeric_limits<double>::lowest();
   for (const Geom& geom : model.geoms) {
     const Eigen::Vector3d p = data.X_WB[static_cast<std::size_t>(geom.body)] * geom.X_BG.p;
-    low = std::min(low, p.z() - geom.radius);
-    high = std::max(high, p.z() + geom.radius);
+    const double reach = geom.radius + 0.5 * geom.length + geom.half_extents.norm();
+    low = std::min(low, p.z() - reach);
+    high = std::max(high, p.z() + reach);
   }
   return std::max(0.3, high - low);
 }

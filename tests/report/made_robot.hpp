@@ -1,4 +1,5 @@
-// A small hand-made humanoid, a box and a made-up climb for the report's tests: 9 joints, 8 contacts.
+// A small hand-made humanoid, a box and a made-up climb for the report's tests: 9 joints, 8
+// contacts.
 #pragma once
 
 #include <algorithm>
@@ -74,8 +75,8 @@ inline void add_side(RobotModel& model, int torso, bool left) {
   sole.X_BG.p = {0.03, 0, -0.27};
   sole.half_extents = {0.1, 0.05, 0.02};
   model.geoms.push_back(sole);
-  add_contact(model, side + "foot", limb + "leg", shank,
-              static_cast<int>(model.geoms.size()) - 1, {0.03, 0, -0.29}, 0.0);
+  add_contact(model, side + "foot", limb + "leg", shank, static_cast<int>(model.geoms.size()) - 1,
+              {0.03, 0, -0.29}, 0.0);
   model.contacts.back().is_patch = true;
 }
 
@@ -131,11 +132,11 @@ inline RunData made_climb() {
       f.tau_meas[j] = 8.0 * std::sin(2.0 * f.time + static_cast<double>(j));
     }
     const double bend = std::clamp((f.time - 0.5) / 1.5, 0.0, 1.0);
-    f.q[0] = 1.1 * bend;                  // WaistSag
-    f.q[1] = f.q[5] = -1.5 * bend;        // shoulders
-    f.q[2] = f.q[6] = -0.9 * bend;        // elbows
-    f.q[3] = f.q[7] = -0.8 * bend;        // hips
-    f.q[4] = f.q[8] = 1.0 * bend;         // knees
+    f.q[0] = 1.1 * bend;            // WaistSag
+    f.q[1] = f.q[5] = -1.5 * bend;  // shoulders
+    f.q[2] = f.q[6] = -0.9 * bend;  // elbows
+    f.q[3] = f.q[7] = -0.8 * bend;  // hips
+    f.q[4] = f.q[8] = 1.0 * bend;   // knees
     f.base_position = {-0.17 + 0.1 * std::max(0.0, f.time - 3.0), 0.0, 0.516 - 0.06 * bend};
     f.base_orientation = {1.0, 0.0, 0.0, 0.0};
     // Contact order: elb, wrist, knee, foot, left then right.
