@@ -103,7 +103,8 @@ class ClampedSpline {
     SplineExtremes e{knots_.value(0, d), knots_.value(0, d), 0.0, 0.0};
     for (std::size_t i = 0; i + 1 < count_; ++i) {
       const Cubic c = cubic(i, d);
-      const auto [low, high] = std::minmax({knots_.value(i, d), knots_.value(i + 1, d)});
+      const double low = std::min(knots_.value(i, d), knots_.value(i + 1, d));
+      const double high = std::max(knots_.value(i, d), knots_.value(i + 1, d));
       const auto visit = [&](double s) {
         if (!(s >= 0.0 && s <= c.h)) return;
         const Sample x = c.at(s);

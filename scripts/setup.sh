@@ -1,0 +1,28 @@
+# Shared by ./climb and ./test: sourced with the project root as working directory.
+
+say() { printf 'clamber: %s\n' "$*" >&2; }
+
+# Installs the packages of scripts/packages.txt that are missing; asks apt nothing when none is.
+install_packages() {
+  local wanted missing=() package sudo=()
+  mapfile -t wanted < <(sed 's/#.*//; s/[[:space:]]//g; /^$/d' scripts/packages.txt)
+  for package in "${wanted[@]}"; do
+    [[ $(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null) == installed ]] ||
+      missing+=("$package")
+  done
+  ((${#missing[@]})) || return 0
+  say "installing ${#missing[@]} packages: ${missing[*]}"
+  if ((EUID != 0)); then
+    command -v sudo >/dev/null || { say "error: run as root once, or install sudo"; return 1; }
+    sudo=(sudo)
+  fi
+  "${sudo[@]}" apt-get update -qq
+  "${sudo[@]}" env DEBIAN_FRONTEND=noninteractive \
+    apt-get install -y -qq --no-install-recommends "${missing[@]}" >&2
+}
+
+# build [target]: configures once, then builds what changed with the release preset.
+build() {
+  [[ -f build/release/build.ninja ]] || cmake --preset release >&2
+  cmake --build --preset release ${1:+--target "$1"} >&2
+}
