@@ -78,12 +78,7 @@ void random_hierarchies(benchmark::State& state) {
   measure_hierarchies(state, problems);
 }
 
-void random_programs(benchmark::State& state) {
-  testing::Random random(6);
-  std::vector<QpProblem> problems;
-  const testing::QpSize size{static_cast<int>(state.range(0)), static_cast<int>(state.range(1)),
-                             static_cast<int>(state.range(2)), true};
-  for (int i = 0; i < 50; ++i) problems.push_back(testing::feasible_qp(size, random));
+void measure_programs(benchmark::State& state, const std::vector<QpProblem>& problems) {
   DenseQp qp;
   int failures = 0;
   int iterations = 0;
@@ -94,6 +89,28 @@ void random_programs(benchmark::State& state) {
   state.counters["iterations"] =
       static_cast<double>(iterations) / static_cast<double>(state.iterations());
   if (failures > 0) state.SkipWithError("a problem was not solved");
+}
+
+/// 20 contact points: 60 forces, 6 equalities, 120 rows.
+void contact_forces(benchmark::State& state) {
+  testing::Random random(9);
+  std::vector<QpProblem> problems;
+  for (int i = 0; i < 50; ++i) {
+    Eigen::Matrix<double, 6, 1> wrench;
+    wrench << random.uniform(-70.0, 70.0), random.uniform(-70.0, 70.0), 290.0,
+        random.uniform(-20.0, 20.0), random.uniform(-20.0, 20.0), 0.0;
+    problems.push_back(testing::contact_force_qp(20, wrench, random));
+  }
+  measure_programs(state, problems);
+}
+
+void random_programs(benchmark::State& state) {
+  testing::Random random(6);
+  std::vector<QpProblem> problems;
+  const testing::QpSize size{static_cast<int>(state.range(0)), static_cast<int>(state.range(1)),
+                             static_cast<int>(state.range(2)), true};
+  for (int i = 0; i < 50; ++i) problems.push_back(testing::feasible_qp(size, random));
+  measure_programs(state, problems);
 }
 
 void calibration_llt(benchmark::State& state) {
@@ -126,6 +143,7 @@ BENCHMARK(random_hierarchies)
     ->Arg(100)
     ->UseManualTime()
     ->Unit(benchmark::kMicrosecond);
+BENCHMARK(contact_forces)->UseManualTime()->Unit(benchmark::kMicrosecond);
 BENCHMARK(random_programs)
     ->ArgNames({"n", "equalities", "inequalities"})
     ->Args({29, 6, 100})

@@ -96,7 +96,7 @@ QpStatus DualActiveSet::add_equalities(const LinearConstraints& constraints) {
   for (Eigen::Index i = 0; i < constraints.A_eq.rows(); ++i) {
     ActiveConstraint row{ActiveConstraint::Kind::equality, static_cast<int>(i), false, 0.0};
     const double zn = compute_directions(row, constraints);
-    const double error = residual(row, constraints);
+    const double error = normal_.vector(n_).dot(x_.vector(n_)) - constraints.b_eq[i];
     if (zn == 0.0) {
       const double scale = 1.0 + std::abs(constraints.b_eq[i]) + normal_.vector(n_).norm();
       if (std::abs(error) > kConsistency * scale) return QpStatus::infeasible;
@@ -153,7 +153,8 @@ QpStatus DualActiveSet::satisfy(ActiveConstraint constraint, const LinearConstra
   for (;;) {
     if (++iterations_ > iteration_limit_) return QpStatus::iteration_limit;
     const double zn = compute_directions(constraint, constraints);
-    const double violation = -residual(constraint, constraints);
+    const double violation =
+        signed_side(constraint, constraints) - normal_.vector(n_).dot(x_.vector(n_));
     const VectorMap r = r_.vector(q_);
     double t_dual = kInfinity;
     Eigen::Index blocking = -1;
@@ -185,18 +186,13 @@ QpStatus DualActiveSet::satisfy(ActiveConstraint constraint, const LinearConstra
 
 double DualActiveSet::compute_directions(const ActiveConstraint& constraint,
                                          const LinearConstraints& constraints) {
-  using Kind = ActiveConstraint::Kind;
   const MatrixMap J = J_.matrix(n_, n_);
-  VectorMap normal = normal_.vector(n_);
+  set_normal(constraint, constraints);
+  const VectorMap normal = normal_.vector(n_);
   VectorMap d = d_.vector(n_);
-  if (constraint.kind == Kind::bound) {
-    normal.setZero();
-    normal[constraint.index] = constraint.upper ? -1.0 : 1.0;
+  if (constraint.kind == ActiveConstraint::Kind::bound) {
     d = J.row(constraint.index).transpose() * normal[constraint.index];
   } else {
-    const auto& block = constraint.kind == Kind::equality ? constraints.A_eq : constraints.C;
-    normal = block.row(constraint.index).transpose();
-    if (constraint.upper) normal = -normal;
     d.noalias() = J.transpose() * normal;
   }
   VectorMap r = r_.vector(q_);
@@ -209,21 +205,33 @@ double DualActiveSet::compute_directions(const ActiveConstraint& constraint,
   return zn;
 }
 
-double DualActiveSet::residual(const ActiveConstraint& constraint,
-                               const LinearConstraints& constraints) {
+double DualActiveSet::signed_side(const ActiveConstraint& constraint,
+                                  const LinearConstraints& constraints) {
   using Kind = ActiveConstraint::Kind;
-  const VectorMap x = x_.vector(n_);
   const int i = constraint.index;
   switch (constraint.kind) {
     case Kind::equality:
-      return constraints.A_eq.row(i).dot(x) - constraints.b_eq[i];
+      return constraints.b_eq[i];
     case Kind::row:
-      return constraint.upper ? constraints.row_upper[i] - constraints.C.row(i).dot(x)
-                              : constraints.C.row(i).dot(x) - constraints.row_lower[i];
+      return constraint.upper ? -constraints.row_upper[i] : constraints.row_lower[i];
     case Kind::bound:
       break;
   }
-  return constraint.upper ? constraints.upper[i] - x[i] : x[i] - constraints.lower[i];
+  return constraint.upper ? -constraints.upper[i] : constraints.lower[i];
+}
+
+void DualActiveSet::set_normal(const ActiveConstraint& constraint,
+                               const LinearConstraints& constraints) {
+  using Kind = ActiveConstraint::Kind;
+  VectorMap normal = normal_.vector(n_);
+  if (constraint.kind == Kind::bound) {
+    normal.setZero();
+    normal[constraint.index] = constraint.upper ? -1.0 : 1.0;
+    return;
+  }
+  const auto& block = constraint.kind == Kind::equality ? constraints.A_eq : constraints.C;
+  normal = block.row(constraint.index).transpose();
+  if (constraint.upper) normal = -normal;
 }
 
 void DualActiveSet::dual_step(double t) {
@@ -287,7 +295,9 @@ void DualActiveSet::return_to_active_sides(const LinearConstraints& constraints)
   // Smallest correction in the metric of H: J1 R^-T (sides - N'x).
   VectorMap error = d_.vector(n_);
   for (Eigen::Index j = 0; j < q_; ++j) {
-    error[j] = -residual(active_[static_cast<std::size_t>(j)], constraints);
+    const ActiveConstraint& active = active_[static_cast<std::size_t>(j)];
+    set_normal(active, constraints);
+    error[j] = signed_side(active, constraints) - normal_.vector(n_).dot(x_.vector(n_));
   }
   auto active_error = error.head(q_);
   R_.matrix(n_, n_).topLeftCorner(q_, q_).triangularView<Eigen::Upper>().transpose().solveInPlace(

@@ -72,8 +72,10 @@ class DualActiveSet {
   /// active normals.
   [[nodiscard]] double compute_directions(const ActiveConstraint& constraint,
                                           const LinearConstraints& constraints);
-  [[nodiscard]] double residual(const ActiveConstraint& constraint,
-                                const LinearConstraints& constraints);
+  void set_normal(const ActiveConstraint& constraint, const LinearConstraints& constraints);
+  /// The constraint reads normal'x >= signed_side, with = for equalities.
+  [[nodiscard]] static double signed_side(const ActiveConstraint& constraint,
+                                          const LinearConstraints& constraints);
   void dual_step(double t);
   void activate(const ActiveConstraint& constraint);
   void deactivate(Eigen::Index position);

@@ -116,7 +116,11 @@ void Hqp::split_free_space(const TaskLevel& level) {
   const Eigen::Index free = n_ - first_free_;
   auto S = free_directions();
   MatrixMap M_transposed = reduced_.matrix(free, m);
-  M_transposed.noalias() = S.topRows(n_).transpose() * level.A.transpose();
+  if (first_free_ == 0) {
+    M_transposed = level.A.transpose();  // nothing is decided yet: S is the identity
+  } else {
+    M_transposed.noalias() = S.topRows(n_).transpose() * level.A.transpose();
+  }
   const double longest_row = m > 0 ? std::sqrt(level.A.rowwise().squaredNorm().maxCoeff()) : 0.0;
   row_space_.compute(M_transposed, kRankTolerance * longest_row);
   const Eigen::Index rank = row_space_.rank();

@@ -115,25 +115,10 @@ TEST(DenseQp, FixedVariablesAndPairsOfOppositeRows) {
 }
 
 TEST(DenseQp, FrictionPyramidsUnderAWrench) {
-  // 20 contact points carry 290 N; pyramids with four faces, pushing only, at most 60 N each.
   Random random(19);
-  QpProblem p;
-  const int points = 20;
-  p.H = Eigen::MatrixXd::Identity(3 * points, 3 * points);
-  p.g.setZero(3 * points);
-  p.A_eq.setZero(6, 3 * points);
-  p.C.setZero(6 * points, 3 * points);
-  p.d.setZero(6 * points);
-  for (int i = 0; i < points; ++i) {
-    const Eigen::Vector3d at(random.uniform(-0.3, 0.3), random.uniform(-0.2, 0.2), 0.0);
-    p.A_eq.block<3, 3>(0, 3 * i).setIdentity();
-    p.A_eq.block<3, 3>(3, 3 * i) << 0, -at.z(), at.y(), at.z(), 0, -at.x(), -at.y(), at.x(), 0;
-    Eigen::Matrix<double, 6, 3> faces;
-    faces << 1, 0, 0.5, -1, 0, 0.5, 0, 1, 0.5, 0, -1, 0.5, 0, 0, 1, 0, 0, -1;
-    p.C.block<6, 3>(6 * i, 3 * i) = faces;
-    p.d[6 * i + 5] = -60.0;
-  }
-  p.b_eq = (Eigen::VectorXd(6) << 60.0, 0.0, 290.0, 10.0, -20.0, 0.0).finished();
+  Eigen::Matrix<double, 6, 1> wrench;
+  wrench << 60.0, 0.0, 290.0, 10.0, -20.0, 0.0;
+  QpProblem p = testing::contact_force_qp(20, wrench, random);
   DenseQp qp;
   ASSERT_EQ(qp.solve(p), QpStatus::optimal);
   EXPECT_LT(kkt_error(p, qp), 1e-8);

@@ -56,6 +56,30 @@ inline QpProblem feasible_qp(const QpSize& size, Random& random) {
   return p;
 }
 
+/// Contact points on a plane, each pushing with 0..60 N inside a friction pyramid of four faces
+/// (mu = 0.5), together make `wrench` (force, moment) with the least squared force.
+inline QpProblem contact_force_qp(int points, const Eigen::Matrix<double, 6, 1>& wrench,
+                                  Random& random) {
+  QpProblem p;
+  p.H = Eigen::MatrixXd::Identity(3 * points, 3 * points);
+  p.g.setZero(3 * points);
+  p.A_eq.setZero(6, 3 * points);
+  p.C.setZero(6 * points, 3 * points);
+  p.d.setZero(6 * points);
+  Eigen::Matrix<double, 6, 3> faces;
+  faces << 1, 0, 0.5, -1, 0, 0.5, 0, 1, 0.5, 0, -1, 0.5, 0, 0, 1, 0, 0, -1;
+  for (int i = 0; i < points; ++i) {
+    const double x = random.uniform(-0.3, 0.3);
+    const double y = random.uniform(-0.2, 0.2);
+    p.A_eq.block<3, 3>(0, 3 * i).setIdentity();
+    p.A_eq.block<3, 3>(3, 3 * i) << 0, 0, y, 0, 0, -x, -y, x, 0;
+    p.C.block<6, 3>(6 * i, 3 * i) = faces;
+    p.d[6 * i + 5] = -60.0;
+  }
+  p.b_eq = wrench;
+  return p;
+}
+
 /// Largest violation of the Karush-Kuhn-Tucker conditions by the solver's x and multipliers:
 /// stationarity relative to the gradient, feasibility and signs absolute, complementarity.
 inline double kkt_error(const QpProblem& p, const DenseQp& qp) {
