@@ -23,7 +23,8 @@ p{max-width:75ch}.soft{color:var(--soft)}.good{color:var(--good)}.bad{color:var(
 padding:0 8px;font-size:14px;font-weight:600}
 .figures{display:grid;grid-template-columns:repeat(auto-fit,minmax(190px,1fr));gap:12px;margin:24px 0}
 .figures div{background:var(--card);border-radius:8px;padding:12px 16px}
-.figures b{display:block;font-size:22px;line-height:1.3}
+.figures div:first-child{grid-column:span 2}.figures b{display:block;font-size:20px;line-height:1.35}
+.end{max-width:680px;margin-top:10px}
 .scroll{overflow-x:auto}table{border-collapse:collapse;font-size:15px}
 th,td{text-align:left;padding:5px 16px 5px 0;border-bottom:1px solid var(--line);vertical-align:top}
 th{font-weight:600}td.num,th.num{text-align:right;font-variant-numeric:tabular-nums}

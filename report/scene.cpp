@@ -79,7 +79,13 @@ Eigen::Vector3d touch_point(const ContactLink& contact, const RobotData& data) {
   return sum - contact.radius * Eigen::Vector3d::UnitZ();
 }
 
-// The extent of the home posture along z, each geom taken as the sphere around it.
+// Half the extent of a geom along the world's z.
+double vertical_reach(const Geom& geom, const Pose& X_WG) {
+  const Eigen::Vector3d up = X_WG.R.row(2).transpose().cwiseAbs();
+  return geom.radius + 0.5 * geom.length * up.z() + geom.half_extents.dot(up);
+}
+
+// The extent of the home posture along z.
 double standing_height(const RobotModel& model) {
   RobotData data;
   Configuration home;
@@ -88,10 +94,10 @@ double standing_height(const RobotModel& model) {
   double low = std::numeric_limits<double>::max();
   double high = std::numeric_limits<double>::lowest();
   for (const Geom& geom : model.geoms) {
-    const Eigen::Vector3d p = data.X_WB[static_cast<std::size_t>(geom.body)] * geom.X_BG.p;
-    const double reach = geom.radius + 0.5 * geom.length + geom.half_extents.norm();
-    low = std::min(low, p.z() - reach);
-    high = std::max(high, p.z() + reach);
+    const Pose X_WG = data.X_WB[static_cast<std::size_t>(geom.body)] * geom.X_BG;
+    const double reach = vertical_reach(geom, X_WG);
+    low = std::min(low, X_WG.p.z() - reach);
+    high = std::max(high, X_WG.p.z() + reach);
   }
   return std::max(0.3, high - low);
 }
@@ -100,7 +106,7 @@ double standing_height(const RobotModel& model) {
 std::vector<Eigen::Vector3d> points_to_show(const Scenario& scenario, double height) {
   std::vector<Eigen::Vector3d> points;
   const Eigen::AngleAxisd heading(scenario.start_yaw, Eigen::Vector3d::UnitZ());
-  for (const double x : {-0.2, 0.2}) {
+  for (const double x : {-0.16, 0.16}) {
     for (const double y : {-0.2, 0.2}) {
       for (const double z : {0.0, 1.0}) {
         points.emplace_back(scenario.start_position + heading * Eigen::Vector3d(x, y, z) * height);
@@ -125,7 +131,7 @@ std::vector<Eigen::Vector3d> points_to_show(const Scenario& scenario, double hei
 // Moves a camera that looks along -back until all points lie inside a 4:3 picture.
 Camera fit_camera(const std::vector<Eigen::Vector3d>& points, const Eigen::Vector3d& back) {
   constexpr double kAspect = 4.0 / 3.0;
-  constexpr double kMargin = 1.06;
+  constexpr double kMargin = 1.05;
   constexpr int kRounds = 8;  // perspective makes centring and distance depend on each other
   const Eigen::Vector3d right = Eigen::Vector3d::UnitZ().cross(back).normalized();
   const Eigen::Vector3d up = back.cross(right);
