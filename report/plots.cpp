@@ -49,14 +49,19 @@ struct ShownJoint {
 
 // Left knee, right knee, left elbow, right elbow, as in the paper's figure.
 std::vector<ShownJoint> figure_joints(const RobotModel& model) {
-  constexpr std::array<std::pair<char, const char*>, 4> kWanted{
-      {{'L', "Knee"}, {'R', "Knee"}, {'L', "Elb"}, {'R', "Elb"}}};
+  struct Wanted {
+    char side;
+    const char* part;
+    const char* css;
+  };
+  constexpr std::array<Wanted, 4> kWanted{
+      {{'L', "Knee", "c0"}, {'R', "Knee", "c1"}, {'L', "Elb", "c2"}, {'R', "Elb", "c3"}}};
   std::vector<ShownJoint> shown;
-  for (std::size_t k = 0; k < kWanted.size(); ++k) {
+  for (const Wanted& wanted : kWanted) {
     for (std::size_t j = 0; j < model.joints.size(); ++j) {
       const std::string& name = model.joints[j].name;
-      if (name.starts_with(kWanted[k].first) && name.find(kWanted[k].second) != std::string::npos) {
-        shown.push_back({j, name, "c" + std::to_string(k)});
+      if (name.starts_with(wanted.side) && name.find(wanted.part) != std::string::npos) {
+        shown.push_back({j, name, wanted.css});
         break;
       }
     }

@@ -143,13 +143,18 @@ std::string SvgAxes::curve(const std::vector<double>& x, const std::vector<doubl
     append_column(column, points);
   }
   std::string d;
+  double drawn = 0.0;
   for (std::size_t i = 0; i < points.size(); ++i) {
-    // Level stretches need their ends only.
-    const auto same = [&](std::size_t k) { return std::abs(points[k].y - points[i].y) < 0.05; };
-    if (i > 0 && i + 1 < points.size() && same(i - 1) && same(i + 1)) {
+    // Level stretches need their ends only. Against the last point drawn, so that drift adds up.
+    const auto level = [&](std::size_t k) { return std::abs(points[k].y - drawn) < 0.05; };
+    if (i > 0 && i + 1 < points.size() && level(i) && level(i + 1)) {
       continue;
     }
-    d += (d.empty() ? "M" : "L") + number(points[i].x) + "," + number(points[i].y);
+    drawn = points[i].y;
+    d += d.empty() ? 'M' : 'L';
+    d += number(points[i].x);
+    d += ',';
+    d += number(points[i].y);
   }
   return d.empty() ? d : "<path class=\"curve " + std::string(css) + "\" d=\"" + d + "\"/>";
 }

@@ -83,6 +83,20 @@ TEST(Curve, KeepsAOneSampleSpikeAndStaysSmall) {
   EXPECT_NEAR(low, axes.py(1.0), 0.1);
 }
 
+TEST(Curve, KeepsAHumpThatGrowsSlowly) {
+  std::vector<double> x;
+  std::vector<double> y;
+  for (int i = 0; i <= 20000; ++i) {
+    x.push_back(0.001 * i);
+    y.push_back(0.05 * (1.0 - std::abs(i - 10000) / 10000.0));  // 5 px high, 0.0125 px a column
+  }
+  const SvgAxes axes({0, 0, 800, 100}, {0, 20}, {0, 1});
+  const auto document = parsed("<svg>" + axes.curve(x, y, "c0") + "</svg>");
+  const auto [low, high] = extent(document.select_node("//path").node().attribute("d").value());
+  EXPECT_NEAR(low, axes.py(0.05), 0.11);
+  EXPECT_NEAR(high, axes.py(0.0), 0.11);
+}
+
 TEST(Curve, SkipsWhatIsNotANumber) {
   const SvgAxes axes({0, 0, 100, 100}, {0, 2}, {0, 1});
   const std::string path = axes.curve({0, 1, 2}, {0.5, std::nan(""), 0.25}, "c0");
