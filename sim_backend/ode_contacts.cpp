@@ -17,6 +17,7 @@ constexpr double kNegligibleFriction = 0.05;
 constexpr double kWarmForce = 1.0;  // N: weaker contacts start cold
 // Friction forces of several points may cancel each other; without a leak such a set would be kept.
 constexpr double kFrictionKept = 0.98;
+constexpr double kLeastAcross = 0.1;   // of the friction bound
 constexpr double kNeverActive = 1e12;  // m/(N s): softness of a row that shall do nothing
 
 double bounding_radius(const Geom& geom) {
@@ -164,7 +165,11 @@ void OdeContacts::collide(int geom, dGeomID other_geom, Surface surface, int oth
 
 void OdeContacts::add(const dContactGeom& point, ContactObservation contact) {
   const ContactObservation* before = recall(contact);
-  const Eigen::Vector3d direction = friction_direction(contact, before);
+  const Eigen::Vector3d slip = slip_velocity(contact);
+  // Across the slip nothing holds: a bound there would keep the slip from turning with the load.
+  const bool slipping = slip.norm() > kSlipping;
+  const Eigen::Vector3d direction =
+      slipping ? Eigen::Vector3d(-slip.normalized()) : sticking_direction(contact, before);
   dContact joint{};
   joint.geom = point;
   joint.surface.mode = dContactSoftERP | dContactSoftCFM | dContactFDir1;
@@ -176,18 +181,21 @@ void OdeContacts::add(const dContactGeom& point, ContactObservation contact) {
   if (options_.stepper == OdeStepper::kQuick && guess > kWarmForce) {
     const double bound = scenario_.friction * guess;
     // Half the bound at most, so that the change may take the sum from zero to the bound.
-    const double friction =
-        std::clamp(kFrictionKept * before->force.dot(direction), 0.0, 0.5 * bound);
+    const double along = std::clamp(before->force.dot(direction), 0.0, bound);
+    const double friction = std::min(kFrictionKept * along, 0.5 * bound);
     joint.surface.mode |= dContactMu2 | dContactMotionN;  // without Approx1 mu is a force, N
     joint.surface.mu = bound - friction;
-    joint.surface.mu2 = bound;
+    // What the cone leaves across; never nothing, or the direction could not turn with the load.
+    joint.surface.mu2 =
+        slipping ? 0.0 : std::max(std::sqrt(bound * bound - along * along), kLeastAcross * bound);
     joint.surface.motionN = -2.0 * soft_.cfm * guess;
     contact.force = guess * contact.normal + friction * direction;
     push(contact);
     add_relief(point, contact, direction, guess);
   } else {
-    joint.surface.mode |= dContactApprox1_1 | dContactApprox1_2;
+    joint.surface.mode |= dContactMu2 | dContactApprox1_1 | dContactApprox1_2;
     joint.surface.mu = scenario_.friction;
+    joint.surface.mu2 = slipping ? 0.0 : scenario_.friction;
   }
   attach(joint, feedback_[contacts_.size()]);
   contacts_.push_back(contact);
@@ -246,17 +254,17 @@ const ContactObservation* OdeContacts::recall(const ContactObservation& contact)
   return &nearest->contact;
 }
 
-Eigen::Vector3d OdeContacts::friction_direction(const ContactObservation& contact,
-                                                const ContactObservation* before) const {
-  const Eigen::Vector3d& n = contact.normal;
+Eigen::Vector3d OdeContacts::slip_velocity(const ContactObservation& contact) const {
   Eigen::Vector3d velocity = velocity_at(body_of(contact.geom), contact.position);
   if (contact.surface == Surface::kRobot) {
     velocity -= velocity_at(body_of(contact.other), contact.position);
   }
-  const Eigen::Vector3d slip = tangential(velocity, n);
-  if (slip.norm() > kSlipping) {
-    return -slip.normalized();
-  }
+  return tangential(velocity, contact.normal);
+}
+
+Eigen::Vector3d OdeContacts::sticking_direction(const ContactObservation& contact,
+                                                const ContactObservation* before) const {
+  const Eigen::Vector3d& n = contact.normal;
   if (before != nullptr) {
     const Eigen::Vector3d friction = tangential(before->force, n);
     if (friction.norm() > kNegligibleFriction * scenario_.friction * before->normal_force() &&

@@ -54,7 +54,8 @@ class OdeContacts {
   void attach(const dContact& contact, dJointFeedback& feedback);
   void push(const ContactObservation& contact);
   [[nodiscard]] const ContactObservation* recall(const ContactObservation& contact);
-  [[nodiscard]] Eigen::Vector3d friction_direction(const ContactObservation& contact,
+  [[nodiscard]] Eigen::Vector3d slip_velocity(const ContactObservation& contact) const;
+  [[nodiscard]] Eigen::Vector3d sticking_direction(const ContactObservation& contact,
                                                    const ContactObservation* before) const;
   [[nodiscard]] dBodyID body_of(int geom) const;
 

@@ -51,8 +51,8 @@ struct OdeOptions {
   Eigen::Vector3d gravity{0.0, 0.0, -kGravity};  ///< m/s^2
   double contact_stiffness = 2e5;                ///< N/m per contact point
   double contact_damping = 2e3;                  ///< N s/m per contact point
-  double guide_stiffness = 2e4;                  ///< N/m and N m/rad, set_base_guide()
-  double guide_damping = 2e3;                    ///< N s/m and N m s/rad
+  double guide_stiffness = 2e4;                  ///< N/m, set_base_guide()
+  double guide_damping = 2e3;                    ///< N s/m
   unsigned long seed = 1;                        ///< of ODE's random numbers (order of rows)
 };
 
@@ -76,8 +76,9 @@ class OdeWorld {
   /// Applies the drive torques (N m, model's joint order; saturated here) during one step.
   void step(const JointVector& tau);
 
-  /// From the next step on a spring-damper holds the base at this pose (its velocity is taken from
-  /// the difference to the pose set before); nothing: let go. Off by default.
+  /// From the next step on a spring-damper holds the base's position and a stiff constraint its
+  /// orientation at this pose (the velocity is taken from the difference to the pose set before);
+  /// nothing: let go. Off by default.
   void set_base_guide(const std::optional<Pose>& X_WB);
 
   [[nodiscard]] const RobotModel& model() const;
