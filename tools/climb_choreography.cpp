@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <utility>
@@ -45,6 +46,7 @@ Matrix3d pelvis_rotation(const ClimbChoreography::Trunk& x) {
       .toRotationMatrix();
 }
 
+constexpr double kMostReach = 0.997;  // of a limb's length at a key pose
 constexpr double kReachElbowFlexion = 25.0 * kDeg;
 // The swinging foot leaves the straight line backward and upward, so that the knee comes over the
 // edge before the shank does.
@@ -121,7 +123,7 @@ void ClimbChoreography::plan_trunk() {
   moves_.clear();
   const auto key = [this](double t0, double t1, const Trunk& wish) {
     moves_.push_back({t0, t1});
-    keys_.emplace_back(t1, settle(wish, t1));
+    keys_.emplace_back(t1, settle_key(wish, t1));
   };
   key(0.0, 0.0, trunk(ankle + 0.02 * s, 0.0, skeleton_.hip_height - 0.004 * s, 0, 0, 0, 0, 0));
   key(kArmStart, kWristContact, trunk(-0.22 * s, 0.0, 0.86 * s, 0, 80, 30, 0, 15));
@@ -153,7 +155,7 @@ Figure ClimbChoreography::trunk_figure(const Trunk& x) const {
   return figure;
 }
 
-/// Lengths that a planted elbow or knee asks of the trunk: shoulder to elbow, hip to knee.
+/// Lengths that what is planted at `time` asks of the trunk: shoulder to elbow, hip to knee.
 Eigen::VectorXd ClimbChoreography::contact_errors(const Trunk& trunk, double time) const {
   const Figure figure = trunk_figure(trunk);
   Eigen::VectorXd errors(4);
@@ -171,13 +173,35 @@ Eigen::VectorXd ClimbChoreography::contact_errors(const Trunk& trunk, double tim
   return errors.head(n);
 }
 
-/// The trunk pose nearest to `wish` that keeps what is planted at `time` in place.
-ClimbChoreography::Trunk ClimbChoreography::settle(const Trunk& wish, double time) const {
+/// By how much hands and feet that rest at `time` are out of reach (negative: within).
+Eigen::VectorXd ClimbChoreography::reach_errors(const Trunk& trunk, double time) const {
+  const Figure figure = trunk_figure(trunk);
+  Eigen::VectorXd errors(4);
+  int n = 0;
+  for (std::size_t side = 0; side < 2; ++side) {
+    if (time >= kWristContact && time < kElbowContact) {
+      const auto& shoulder = figure.p[static_cast<std::size_t>(kUpperArm[side])];
+      errors[n++] = (targets_[side].wrist - shoulder).norm() -
+                    kMostReach * (skeleton_.upper_arm + skeleton_.forearm);
+    }
+    if (time <= (side == 0 ? kRightLift : kLeftLift)) {
+      const auto& hip = figure.p[static_cast<std::size_t>(kUpperLeg[side])];
+      errors[n++] =
+          (targets_[side].ankle - hip).norm() - kMostReach * (skeleton_.thigh + skeleton_.shank);
+    }
+  }
+  return errors.head(n);
+}
+
+/// The trunk pose nearest to `wish` that meets the errors' equations: Newton steps, each the
+/// least change measured from the wish, not from the last iterate.
+template <typename Errors>
+ClimbChoreography::Trunk ClimbChoreography::project(const Trunk& wish, const Errors& errors) {
   Trunk mobility;  // how readily each coordinate gives way; the neck does not take part
   mobility << 1, 0.5, 1, 0.3, 1, 0.3, 1, 0.1, 0.3, 0;
   Trunk x = wish;
   for (int iteration = 0; iteration < 20; ++iteration) {
-    const Eigen::VectorXd error = contact_errors(x, time);
+    const Eigen::VectorXd error = errors(x);
     if (error.size() == 0 || error.cwiseAbs().maxCoeff() < 1e-11) break;
     Eigen::MatrixXd J(error.size(), x.size());
     constexpr double kStep = 1e-6;
@@ -185,14 +209,42 @@ ClimbChoreography::Trunk ClimbChoreography::settle(const Trunk& wish, double tim
       Trunk ahead = x, behind = x;
       ahead[i] += kStep;
       behind[i] -= kStep;
-      J.col(i) = (contact_errors(ahead, time) - contact_errors(behind, time)) / (2.0 * kStep);
+      J.col(i) = (errors(ahead) - errors(behind)) / (2.0 * kStep);
     }
-    // Least change measured from the wish, not from the last iterate.
     const Eigen::MatrixXd WJt = mobility.asDiagonal() * J.transpose();
     const Eigen::VectorXd goal = -error + J * (x - wish);
     x = wish + WJt * (J * WJt).ldlt().solve(goal);
   }
   return x;
+}
+
+ClimbChoreography::Trunk ClimbChoreography::settle(const Trunk& wish, double time) const {
+  return project(wish, [&](const Trunk& x) { return contact_errors(x, time); });
+}
+
+/// settle() for a key pose: hands and feet that would be out of reach are brought within it, one
+/// after the other. Between keys this is not done, because a bound that takes hold would jerk.
+ClimbChoreography::Trunk ClimbChoreography::settle_key(const Trunk& wish, double time) const {
+  std::vector<Eigen::Index> bound;
+  for (;;) {
+    const Trunk x = project(wish, [&](const Trunk& trial) {
+      const Eigen::VectorXd contacts = contact_errors(trial, time);
+      const Eigen::VectorXd reach = reach_errors(trial, time);
+      Eigen::VectorXd all(contacts.size() + std::ssize(bound));
+      all.head(contacts.size()) = contacts;
+      for (std::size_t i = 0; i < bound.size(); ++i) {
+        all[contacts.size() + static_cast<Eigen::Index>(i)] = reach[bound[i]];
+      }
+      return all;
+    });
+    const Eigen::VectorXd reach = reach_errors(x, time);
+    Eigen::Index worst = 0;
+    if (reach.size() == 0 || reach.maxCoeff(&worst) < 1e-9 ||
+        std::find(bound.begin(), bound.end(), worst) != bound.end()) {
+      return x;
+    }
+    bound.push_back(worst);
+  }
 }
 
 ClimbChoreography::Trunk ClimbChoreography::trunk_at(double time) const {

@@ -62,7 +62,11 @@ class ClimbChoreography {
   void plan_trunk();
   [[nodiscard]] Trunk settle(const Trunk& wish, double time) const;
   [[nodiscard]] Figure trunk_figure(const Trunk& trunk) const;
+  [[nodiscard]] Trunk settle_key(const Trunk& wish, double time) const;
+  template <typename Errors>
+  [[nodiscard]] static Trunk project(const Trunk& wish, const Errors& errors);
   [[nodiscard]] Eigen::VectorXd contact_errors(const Trunk& trunk, double time) const;
+  [[nodiscard]] Eigen::VectorXd reach_errors(const Trunk& trunk, double time) const;
   void pose_arm(std::size_t side, double time, Figure& figure) const;
   void pose_leg(std::size_t side, double time, Figure& figure) const;
   void arm_on_wrist(std::size_t side, const Eigen::Vector3d& hint, Figure& figure) const;

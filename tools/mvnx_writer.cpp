@@ -119,7 +119,7 @@ class Writer {
         }
       }
       if (!skeleton_.tip[i].isZero()) {
-        point("p" + std::string(specs[i].label) + "Tip", i, skeleton_.tip[i]);
+        point(std::string("p").append(specs[i].label).append("Tip"), i, skeleton_.tip[i]);
       }
       out_ += "        </points>\n      </segment>\n";
     }

@@ -99,7 +99,7 @@ class AsfReader {
       } else if (section.starts_with(':')) {
         while (inside()) line_ = lines_.next();  // version, name, documentation, skin
       } else {
-        lines_.fail("\"" + std::string(section) + "\": expected a section such as :units");
+        lines_.fail(std::string(section).append(": expected a section such as :units"));
       }
     }
     if (!bones_seen || !hierarchy_seen) {
