@@ -8,6 +8,7 @@ find_package(nlohmann_json REQUIRED)
 find_package(fastcdr REQUIRED)
 find_package(fastrtps REQUIRED)
 find_package(OpenSSL REQUIRED)
+find_package(pugixml REQUIRED)
 find_package(GTest REQUIRED)
 pkg_check_modules(ODE REQUIRED IMPORTED_TARGET ode)
 

@@ -3,8 +3,9 @@
 #include <console_bridge/console.h>
 #include <urdf_parser/urdf_parser.h>
 
+#include <algorithm>
 #include <map>
-#include <set>
+#include <pugixml.hpp>
 
 #include "robot_model/loader.hpp"
 
@@ -32,33 +33,46 @@ class LogCollector : public console_bridge::OutputHandler {
   std::string errors_;
 };
 
-void check_single_parents(const urdf::ModelInterface& document, const std::string& file) {
-  std::map<std::string, std::string> joint_above;
-  for (const auto& [name, joint] : document.joints_) {
-    const auto [entry, is_new] = joint_above.emplace(joint->child_link_name, name);
+struct Edge {
+  std::string joint;
+  std::string parent;
+};
+
+std::map<std::string, Edge> read_edges(const pugi::xml_node& robot, const std::string& file) {
+  std::map<std::string, Edge> edge_above;
+  for (const pugi::xml_node joint : robot.children("joint")) {
+    const std::string name = joint.attribute("name").value();
+    const std::string child = joint.child("child").attribute("link").value();
+    const auto [entry, is_new] =
+        edge_above.emplace(child, Edge{name, joint.child("parent").attribute("link").value()});
     if (!is_new) {
-      throw InputError(file + ": link '" + joint->child_link_name + "' is the child of joints '" +
-                       entry->second + "' and '" + name + "': expected a tree");
+      throw InputError(file + ": link '" + child + "' is the child of joints '" +
+                       entry->second.joint + "' and '" + name + "': expected a tree");
     }
   }
+  return edge_above;
 }
 
-void collect_reachable(const urdf::LinkConstSharedPtr& link, std::set<std::string>& reached) {
-  reached.insert(link->name);
-  for (const auto& child : link->child_links) {
-    if (!reached.contains(child->name)) {
-      collect_reachable(child, reached);
-    }
+// Links point at each other with shared ownership in urdfdom, so a cycle would never be freed:
+// refuse it before the text gets there.
+void check_tree(const std::string& text, const std::string& file) {
+  pugi::xml_document document;
+  const pugi::xml_parse_result result = document.load_buffer(text.data(), text.size());
+  if (!result) {
+    const auto end = text.begin() + std::clamp<std::ptrdiff_t>(
+                                        result.offset, 0, static_cast<std::ptrdiff_t>(text.size()));
+    throw InputError(file + ":" + std::to_string(1 + std::count(text.begin(), end, '\n')) +
+                     ": not a usable URDF: bad XML: " + result.description());
   }
-}
-
-void check_connected(const urdf::ModelInterface& document, const std::string& file) {
-  std::set<std::string> reached;
-  collect_reachable(document.getRoot(), reached);
-  for (const auto& [name, link] : document.links_) {
-    if (!reached.contains(name)) {
-      throw InputError(file + ": link '" + name + "' is not reached from the root '" +
-                       document.getRoot()->name + "' (a cycle?): expected a tree");
+  const std::map<std::string, Edge> edge_above = read_edges(document.child("robot"), file);
+  for (const auto& [link, edge] : edge_above) {
+    std::size_t steps = 0;
+    for (auto above = edge_above.find(link); above != edge_above.end();
+         above = edge_above.find(above->second.parent)) {
+      if (++steps > edge_above.size()) {
+        throw InputError(file + ": link '" + link + "' hangs on a cycle of joints (through '" +
+                         edge.joint + "'): expected a tree");
+      }
     }
   }
 }
@@ -67,6 +81,7 @@ void check_connected(const urdf::ModelInterface& document, const std::string& fi
 
 urdf::ModelInterfaceSharedPtr parse_urdf_document(const std::string& text,
                                                   const std::string& file) {
+  check_tree(text, file);
   urdf::ModelInterfaceSharedPtr document;
   std::string errors;
   {
@@ -84,8 +99,6 @@ urdf::ModelInterfaceSharedPtr parse_urdf_document(const std::string& text,
     throw InputError(file + ": not a usable URDF: " +
                      (errors.empty() ? "bad XML or no <robot> element" : errors));
   }
-  check_single_parents(*document, file);
-  check_connected(*document, file);
   return document;
 }
 
