@@ -53,6 +53,20 @@ std::optional<Eigen::Vector3d> meets_top(const Eigen::Vector3d& centre,
   return Eigen::Vector3d(centre.x(), centre.y(), 0.0);
 }
 
+Eigen::Vector3d mean(const std::vector<Eigen::Vector3d>& points) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& point : points) {
+    sum += point;
+  }
+  return sum / static_cast<double>(points.size());
+}
+
+/// What the stability measure needs of one posture's contacts, edge frame.
+struct Touches {
+  std::vector<LimbContact> loaded;
+  std::vector<Eigen::Vector3d> support_points;
+};
+
 }  // namespace
 
 Pose edge_frame(const ObstacleBox& box) {
@@ -94,17 +108,20 @@ struct ContactSampler::Impl {
     return std::max(result.min_distance, 0.0);
   }
 
-  /// The points (world) at which a contact link touches a surface of z = height near its points:
-  /// a sphere's lowest point, a sole's corners that are near.
-  [[nodiscard]] std::vector<Eigen::Vector3d> near_plane(const ContactLink& link,
-                                                        const RobotData& data,
-                                                        double height) const {
+  [[nodiscard]] Eigen::Vector3d support_of(const ContactLink& link, const RobotData& data) const {
+    return X_EW * (data.X_WB[static_cast<std::size_t>(link.support_body)] * link.support_point);
+  }
+
+  /// Points at which the link touches the floor, edge frame: a sphere's lowest point, the corners
+  /// of a sole that are near.
+  [[nodiscard]] std::vector<Eigen::Vector3d> on_floor(const ContactLink& link,
+                                                      const RobotData& data) const {
     std::vector<Eigen::Vector3d> points;
     for (const Eigen::Vector3d& p_B : link.points) {
       Eigen::Vector3d p = data.X_WB[static_cast<std::size_t>(link.body)] * p_B;
       p.z() -= link.radius;
-      if (p.z() - height <= config.threshold) {
-        points.push_back(p);
+      if (p.z() <= config.threshold) {
+        points.push_back(X_EW * p);
       }
     }
     return points;
@@ -129,19 +146,35 @@ struct ContactSampler::Impl {
     }
     return points;
   }
-};
 
-namespace {
-
-Eigen::Vector3d mean(const std::vector<Eigen::Vector3d>& points) {
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  for (const Eigen::Vector3d& point : points) {
-    sum += point;
+  bool touch_obstacle(const ContactLink& link, const RobotData& data, ContactSample& sample,
+                      Touches& touches) {
+    if (distance(link.geom, data) > config.threshold) {
+      return false;
+    }
+    const std::vector<Eigen::Vector3d> points = on_top(link, data);
+    if (points.empty()) {
+      return false;
+    }
+    const Eigen::Vector3d p = mean(points);
+    const Eigen::Vector3d support = support_of(link, data);
+    sample.obstacle.push_back({link.name, box.name, p, contact_stability(p, support)});
+    touches.loaded.push_back({link.limb, p, support});
+    touches.support_points.insert(touches.support_points.end(), points.begin(), points.end());
+    return true;
   }
-  return sum / static_cast<double>(points.size());
-}
 
-}  // namespace
+  void touch_floor(const ContactLink& link, const RobotData& data, ContactSample& sample,
+                   Touches& touches) const {
+    const std::vector<Eigen::Vector3d> points = on_floor(link, data);
+    if (points.empty()) {
+      return;
+    }
+    const Eigen::Vector3d p = mean(points);
+    sample.floor.push_back({link.name, "floor", p, contact_stability(p, support_of(link, data))});
+    touches.support_points.insert(touches.support_points.end(), points.begin(), points.end());
+  }
+};
 
 ContactSampler::ContactSampler(const RobotModel& model, const ObstacleBox& box,
                                const SamplerConfig& config)
@@ -154,47 +187,27 @@ double ContactSampler::distance(int geom, const RobotData& data) const {
 
 ContactSample ContactSampler::sample(double time, const Configuration& x) const {
   Impl& self = *impl_;
-  const RobotModel& model = self.model;
+  RobotData data;
+  forward_kinematics(self.model, x, data);
+  Touches touches;
   ContactSample sample;
   sample.time = time;
   sample.posture = x;
-  RobotData data;
-  forward_kinematics(model, x, data);
-
-  std::vector<LimbContact> loaded;
-  std::vector<Eigen::Vector3d> support_points;  // edge frame
-  std::vector<bool> explained(model.geoms.size(), false);
-  for (const ContactLink& link : model.contacts) {
-    const Eigen::Vector3d support =
-        self.X_EW * (data.X_WB[static_cast<std::size_t>(link.support_body)] * link.support_point);
-    if (self.distance(link.geom, data) <= self.config.threshold) {
-      const std::vector<Eigen::Vector3d> points = self.on_top(link, data);
-      if (!points.empty()) {
-        const Eigen::Vector3d p = mean(points);
-        sample.obstacle.push_back({link.name, self.box.name, p, contact_stability(p, support)});
-        loaded.push_back({link.limb, p, support});
-        support_points.insert(support_points.end(), points.begin(), points.end());
-        explained[static_cast<std::size_t>(link.geom)] = true;
-        continue;  // on the obstacle it is not on the floor
-      }
-    }
-    std::vector<Eigen::Vector3d> points = self.near_plane(link, data, 0.0);
-    for (Eigen::Vector3d& point : points) {
-      point = self.X_EW * point;
-    }
-    if (!points.empty()) {
-      const Eigen::Vector3d p = mean(points);
-      sample.floor.push_back({link.name, "floor", p, contact_stability(p, support)});
-      support_points.insert(support_points.end(), points.begin(), points.end());
+  std::vector<bool> explained(self.model.geoms.size(), false);
+  for (const ContactLink& link : self.model.contacts) {
+    if (self.touch_obstacle(link, data, sample, touches)) {
+      explained[static_cast<std::size_t>(link.geom)] = true;
+    } else {
+      self.touch_floor(link, data, sample, touches);
     }
   }
-  for (std::size_t g = 0; g < model.geoms.size(); ++g) {
+  for (std::size_t g = 0; g < self.model.geoms.size(); ++g) {
     if (!explained[g] && self.distance(static_cast<int>(g), data) <= self.config.threshold) {
-      sample.others.push_back(model.geoms[g].name);
+      sample.others.push_back(self.model.geoms[g].name);
     }
   }
-  sample.stability =
-      state_stability(loaded, support_points, self.X_EW * data.com, self.config.stability);
+  sample.stability = state_stability(touches.loaded, touches.support_points, self.X_EW * data.com,
+                                     self.config.stability);
   return sample;
 }
 

@@ -32,9 +32,16 @@ double mean_stability(const ContactState& state) {
   return sum / static_cast<double>(state.obstacle.size());
 }
 
+bool better_supported(const ContactState& a, const ContactState& b) {
+  if (a.floor.size() != b.floor.size()) {
+    return a.floor.size() > b.floor.size();
+  }
+  return mean_stability(a) < mean_stability(b);
+}
+
 void merge_into(ContactState& kept, const ContactState& next) {
   const double start = kept.start;
-  if (mean_stability(next) < mean_stability(kept)) {
+  if (better_supported(next, kept)) {
     kept = next;
   }
   kept.start = start;

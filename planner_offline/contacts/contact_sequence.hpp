@@ -44,8 +44,9 @@ struct ContactSequence {
 /// States with absolute stability only (paper III-C). Keeps s = 0: ContactState::stability is
 /// exactly 0 within the tolerance of state_stability() (stability.hpp), so no second tolerance is
 /// applied here. Consecutive states whose sets on the obstacle are equal become one, which spans
-/// both and keeps the references and the posture of the better supported one (smaller mean s of its
-/// contacts; the earlier one when equal). States without obstacle contact are dropped.
+/// both and keeps floor contacts, references and posture of the better supported one: more contacts
+/// on the floor, then smaller mean s of its contacts, then the earlier. States without obstacle
+/// contact are dropped.
 [[nodiscard]] std::vector<ContactState> reduce(const std::vector<ContactState>& states);
 
 /// Numbers are written so that reading gives the same double. Replaces the file as a whole.

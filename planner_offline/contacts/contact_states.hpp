@@ -24,7 +24,7 @@ struct StateConfig {
   /// A contact that comes or goes for less than this is a flicker, s: a break shorter than this is
   /// closed, then a touch shorter than this is dropped, then a state shorter than this (two links
   /// landing one after the other) is counted to the state that follows it.
-  double debounce = 0.15;
+  double debounce = 0.2;
   /// A contact that has moved by more than this begins a new state with the same links, m. (The
   /// paper's duplicated states: "the position distance between contact states [is] not ignored".)
   double moved = 0.05;

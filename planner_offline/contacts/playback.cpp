@@ -115,6 +115,28 @@ std::vector<std::string> adjustment_notes(const Playback& playback, const RobotM
   return notes;
 }
 
+std::set<std::string> obstacle_links(const ContactState& state) {
+  std::set<std::string> links;
+  for (const ContactReference& contact : state.obstacle) {
+    links.insert(contact.link);
+  }
+  return links;
+}
+
+/// Contact sets that the reduction drops for good.
+void add_reduction_notes(const ContactSequence& sequence, std::vector<std::string>& notes) {
+  std::set<std::set<std::string>> kept;
+  for (const ContactState& state : sequence.reduced) {
+    kept.insert(obstacle_links(state));
+  }
+  for (const ContactState& state : sequence.states) {
+    if (kept.insert(obstacle_links(state)).second) {
+      notes.push_back("Never absolutely stable, so not in the reduced sequence: " +
+                      joined(obstacle_links(state)) + text(" (first at %.2f s).", state.start));
+    }
+  }
+}
+
 /// Links that touched without being contacts, and contact links that never touched.
 void add_touch_notes(const RobotModel& model, const Playback& playback,
                      const std::vector<ContactState>& states, std::vector<std::string>& notes) {
@@ -164,10 +186,11 @@ Playback play(const RobotModel& model, const RobotMotion& motion, const Scenario
   const auto steps = std::lround((adjustment.end - adjustment.start) / config.step);
   for (long k = 0; k <= steps; ++k) {
     const double time = adjustment.start + static_cast<double>(k) * config.step;
-    if (k % per_sample == 0) {
-      playback.samples.push_back(sampler.sample(time, world.configuration()));
-    }
     const Configuration wanted = reference.at(time);
+    if (k % per_sample == 0) {
+      // Without the guide's give, see the header.
+      playback.samples.push_back(sampler.sample(time, {wanted.X_WB, world.configuration().q}));
+    }
     world.set_base_guide(wanted.X_WB);
     world.step(control.torque(wanted.q, world.configuration().q, world.velocity()));
     playback.peak_guide_force = std::max(playback.peak_guide_force, world.guide_force().norm());
@@ -194,6 +217,7 @@ ContactSequence contacts_of(const RobotModel& model, const RobotMotion& motion,
   sequence.reduced = reduce(sequence.states);
   sequence.notes = adjustment_notes(playback, motion);
   add_touch_notes(model, playback, sequence.states, sequence.notes);
+  add_reduction_notes(sequence, sequence.notes);
   return sequence;
 }
 

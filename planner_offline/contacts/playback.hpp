@@ -6,8 +6,13 @@
 // The base is guided along the recorded pelvis path by a spring-damper (OdeWorld::set_base_guide).
 // It has to be: joint angles alone do not balance the robot, a free base falls sooner or later (the
 // paper's Fig. 4), and from then on the contacts would be those of a fall, not of the
-// demonstration. Contacts push back, so limbs give way to the obstacle and the base gives way by
-// millimetres.
+// demonstration.
+// Where the robot's proportions make a limb too long for the motion, the obstacle pushes the limb
+// and, through it, the base; the guide then gives way by some centimetres, and limbs that the
+// demonstration had on the obstacle would lose it through no doing of their own. The guide is a
+// device of ours, so its give is taken out again: contacts are sampled with the simulated joint
+// angles and the base where the guide wants it. (Limbs that are pressed on then overlap the
+// obstacle a little, which counts as contact.)
 #pragma once
 
 #include "planner_offline/contacts/adjustment.hpp"
@@ -20,9 +25,9 @@
 namespace clamber {
 
 struct PlaybackConfig {
-  double sample_period = 0.05;  ///< s between contact checks (paper III-C)
-  double step = 1e-3;           ///< s, simulator and PID
-  double guide_stiffness = 2e5;  ///< N/m and N m/rad
+  double sample_period = 0.05;   ///< s between contact checks (paper III-C)
+  double step = 1e-3;            ///< s, simulator and PID
+  double guide_stiffness = 1e5;  ///< N/m and N m/rad
   double guide_damping = 1e4;    ///< N s/m and N m s/rad
   SamplerConfig sampler;
   StateConfig states;

@@ -87,14 +87,17 @@ double state_stability(std::span<const LimbContact> loaded,
   std::map<std::string_view, Limb> limbs;
   for (const LimbContact& c : loaded) {
     Limb& limb = limbs[c.limb];
-    limb.supported = limb.supported || support_angle(c.contact, c.support) <= config.max_theta;
-    limb.s = std::min(limb.s, contact_stability(c.contact, c.support));
+    const double contact_s = contact_stability(c.contact, c.support);
+    const double bound = (c.support - c.contact).norm() * std::sin(config.max_theta);
+    limb.supported = limb.supported || contact_s <= bound + config.tolerance;
+    limb.s = std::min(limb.s, contact_s);
   }
   double s = 0.0;
   for (const auto& [name, limb] : limbs) {
     s = limb.supported ? s : std::max(s, limb.s);
   }
-  return std::max(s, config.com_margin - hull_margin(support_points, com));
+  const double outside = config.com_margin - hull_margin(support_points, com);
+  return outside > config.tolerance ? std::max(s, outside) : s;
 }
 
 }  // namespace clamber

@@ -14,6 +14,9 @@ namespace clamber {
 struct StabilityConfig {
   /// Largest angle at which a contact supports its mass without sliding (paper IV-B: 35 degrees).
   double max_theta = 35.0 * std::numbers::pi / 180.0;  ///< rad
+  /// Where a playback's contacts and masses are known to, m (gaps up to the contact threshold,
+  /// joints off their reference): so much may s and the hull's margin miss their bounds.
+  double tolerance = 0.015;
   /// The centre of mass must project this far inside the hull of the contacts, m.
   double com_margin = 0.0;
 };
@@ -40,8 +43,9 @@ struct LimbContact {
 ///
 /// The paper calls s = 0 (theta = 0) absolute stability and theta <= 35 degrees supportable, but no
 /// recorded or simulated posture ever has theta = 0, so a numerical reading is needed. Here a state
-/// is absolutely stable when both hold:
-///  - every limb that touches the obstacle has a contact with theta <= max_theta: inside that cone
+/// is absolutely stable when both hold, to within `tolerance`:
+///  - every limb that touches the obstacle has a contact with s <= l sin(max_theta): inside that
+///  cone
 ///    the contact carries its mass without sliding (Fig. 5 b), outside it slides (Fig. 5 c). Wrist
 ///    and elbow of one arm share one shoulder: where both touch, whichever is better carries it
 ///    (with a planted forearm they can never both be below the shoulder);

@@ -110,9 +110,9 @@ TEST(ContactStates, BeginOnlyWhenTheSetChanges) {
 }
 
 TEST(ContactStates, IgnoreFlicker) {
-  EXPECT_EQ(states_of({{1.0, kArms}, {0.1, kWrists}, {1.0, kArms}}).size(), 1u);
+  EXPECT_EQ(states_of({{1.0, kArms}, {0.15, kWrists}, {1.0, kArms}}).size(), 1u);
   EXPECT_EQ(states_of({{1.0, kWrists}, {0.1, kArms}, {1.0, kWrists}}).size(), 1u);
-  EXPECT_EQ(states_of({{1.0, kArms}, {0.15, kWrists}, {1.0, kArms}}).size(), 3u);
+  EXPECT_EQ(states_of({{1.0, kArms}, {0.2, kWrists}, {1.0, kArms}}).size(), 3u);
 }
 
 TEST(ContactStates, CountLinksThatLandInShortOrderToTheFullSet) {

@@ -18,6 +18,12 @@ Eigen::Vector3d mass_at(double l, double theta) {
 const std::vector<Eigen::Vector3d> kSquare{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}};
 const Eigen::Vector3d kInside(0.5, 0.4, 2.0);
 
+StabilityConfig exact() {
+  StabilityConfig config;
+  config.tolerance = 0.0;
+  return config;
+}
+
 TEST(Stability, IsLengthTimesSineOfTheAngle) {
   for (const double theta : {0.0, 10.0, 35.0, 60.0, 89.0}) {
     const Eigen::Vector3d mass = mass_at(0.4, theta * kDegree);
@@ -34,11 +40,26 @@ TEST(Stability, DoesNotFallAgainForAMassBelowItsContact) {
 TEST(Stability, IsZeroInsideTheConeAndTheProjectionDifferenceOutside) {
   const auto s = [](double theta) {
     const LimbContact wrist{"left_arm", {0, 0, 0}, mass_at(0.4, theta * kDegree)};
-    return state_stability(std::span(&wrist, 1), kSquare, kInside, {});
+    return state_stability(std::span(&wrist, 1), kSquare, kInside, exact());
   };
   EXPECT_EQ(s(0.0), 0.0);
   EXPECT_EQ(s(34.9), 0.0);
   EXPECT_NEAR(s(35.1), 0.4 * std::sin(35.1 * kDegree), 1e-12);
+}
+
+TEST(Stability, CountsAsAbsoluteWithinTheTolerance) {
+  StabilityConfig config;
+  config.tolerance = 0.02;
+  const double cone = 0.4 * std::sin(config.max_theta);
+  const auto s = [&](double projection) {
+    const double theta = std::asin(projection / 0.4);
+    const LimbContact wrist{"left_arm", {0, 0, 0}, mass_at(0.4, theta)};
+    return state_stability(std::span(&wrist, 1), kSquare, kInside, config);
+  };
+  EXPECT_EQ(s(cone + 0.019), 0.0);
+  EXPECT_NEAR(s(cone + 0.021), cone + 0.021, 1e-12);
+  EXPECT_EQ(state_stability({}, kSquare, {0.5, -0.019, 1.0}, config), 0.0);
+  EXPECT_NEAR(state_stability({}, kSquare, {0.5, -0.021, 1.0}, config), 0.021, 1e-12);
 }
 
 TEST(Stability, TakesTheBetterContactOfALimbAndTheWorstLimb) {
