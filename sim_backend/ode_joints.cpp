@@ -14,9 +14,9 @@ constexpr double kStopStiffness = 5e4;  // N m/rad
 constexpr double kStopDamping = 200.0;  // N m s/rad
 
 // Share of a step's change that the next step starts from. A step's error in a joint's wrench is
-// followed by an equal and opposite one that undoes its effect; taking up the whole change feeds
-// this zigzag (a passive robot gained energy), and below a half the guess lags.
-constexpr double kTakenUp = 0.7;
+// followed by an equal and opposite one that undoes its effect: taking up the whole change feeds
+// this zigzag, and below a half the guess lags.
+constexpr double kTakenUp = 0.8;
 
 }  // namespace
 

@@ -3,8 +3,6 @@
 
 #include <algorithm>
 #include <cstring>
-#include <string>
-#include <vector>
 
 #include "sim_fixture.hpp"
 
@@ -206,57 +204,37 @@ TEST_P(Stepper, AccelerationMatchesTheModelsMassMatrix) {
   EXPECT_LT((world.velocity() - expected).norm(), 0.03 * expected.norm());
 }
 
-/// Swings for a second from a fixed base; returns the energy's worst error as a share of the
-/// greatest kinetic energy. Joints not named are as good as locked, without loss.
-double energy_error(RobotModel model, const OdeOptions& ode, const std::vector<std::string>& free) {
+TEST_P(Stepper, PassiveRobotKeepsItsEnergy) {
+  // One arm is thrown up from a fixed base, 23 undamped joints follow: a chaotic pendulum.
+  RobotModel model = coman();
   for (Joint& joint : model.joints) {
     joint.damping = 0.0;
     joint.lower = -1e3;
     joint.upper = 1e3;
-    if (std::find(free.begin(), free.end(), joint.name) == free.end()) {
-      joint.reflected_inertia = 1e6;
-    }
   }
   model.collision_pairs.clear();
+  OdeOptions ode = options();
+  ode.guide_stiffness = 1e8;
+  ode.guide_damping = 1e6;
   const Configuration x = aloft(model);
   OdeWorld world(model, empty_floor(), x, ode);
   VelocityVector v = VelocityVector::Zero(model.velocity_count());
   v[6 + *model.find_joint("LShSag")] = -3.0;
   world.reset(x, v);
   double start = 0.0;
-  double kinetic = 0.0;
+  double greatest_kinetic = 0.0;
   double worst = 0.0;
-  for (int k = 0; k < 1000; ++k) {
-    const double moving = test::kinetic_energy(model, world.configuration(), world.velocity());
-    const double energy = moving + test::potential_energy(model, world.configuration());
+  for (int k = 0; k < 1500; ++k) {
+    const double kinetic = test::kinetic_energy(model, world.configuration(), world.velocity());
+    const double energy = kinetic + test::potential_energy(model, world.configuration());
     start = k == 0 ? energy : start;
-    kinetic = std::max(kinetic, moving);
+    greatest_kinetic = std::max(greatest_kinetic, kinetic);
     worst = std::max(worst, std::abs(energy - start));
     world.set_base_guide(x.X_WB);
     world.step(JointVector::Zero(model.joint_count()));
   }
-  EXPECT_GT(kinetic, 2.0);  // it did swing
-  return worst / kinetic;
-}
-
-TEST_P(Stepper, PassiveArmKeepsItsEnergy) {
-  OdeOptions ode = options();
-  ode.guide_stiffness = 1e8;  // the base hangs in space
-  ode.guide_damping = 1e6;
-  EXPECT_LT(energy_error(coman(), ode, {"LShSag", "LShLat", "LShYaw", "LElbj"}), 0.01);
-}
-
-TEST_P(Stepper, PassiveRobotKeepsItsEnergy) {
-  const RobotModel model = coman();
-  std::vector<std::string> all;
-  for (const Joint& joint : model.joints) {
-    all.push_back(joint.name);
-  }
-  OdeOptions ode = options();
-  ode.guide_stiffness = 1e8;
-  ode.guide_damping = 1e6;
-  // 23 undamped joints of a chaotic motion: the quick stepper's error shows here first.
-  EXPECT_LT(energy_error(model, ode, all), GetParam() == OdeStepper::kExact ? 0.005 : 0.10);
+  EXPECT_GT(greatest_kinetic, 20.0);  // it did swing
+  EXPECT_LT(worst, (GetParam() == OdeStepper::kExact ? 0.005 : 0.05) * greatest_kinetic);
 }
 
 TEST_P(Stepper, TumblingRobotKeepsMomentumAndEnergy) {
@@ -291,7 +269,7 @@ TEST_P(Stepper, TumblingRobotKeepsMomentumAndEnergy) {
   }
   EXPECT_LT((momentum() - before).norm(), 1e-3 * (1.0 + before.norm()));
   EXPECT_NEAR(test::kinetic_energy(model, world.configuration(), world.velocity()), energy,
-              0.02 * energy);
+              0.005 * energy);
 }
 
 TEST_P(Stepper, HangingTorquesMatchTheModelsGravity) {
