@@ -174,8 +174,6 @@ Playback play(const RobotModel& model, const RobotMotion& motion, const Scenario
 
   OdeOptions options;
   options.step = config.step;
-  options.guide_stiffness = config.guide_stiffness;
-  options.guide_damping = config.guide_damping;
   OdeWorld world(model, playback.scenario, options);
   const Reference reference(motion, adjustment);
   const ContactSampler sampler(model, playback.scenario.obstacles.front(), config.sampler);

@@ -25,10 +25,8 @@
 namespace clamber {
 
 struct PlaybackConfig {
-  double sample_period = 0.05;   ///< s between contact checks (paper III-C)
-  double step = 1e-3;            ///< s, simulator and PID
-  double guide_stiffness = 1e5;  ///< N/m and N m/rad
-  double guide_damping = 1e4;    ///< N s/m and N m s/rad
+  double sample_period = 0.05;  ///< s between contact checks (paper III-C)
+  double step = 1e-3;           ///< s, simulator and PID
   SamplerConfig sampler;
   StateConfig states;
   AdjustmentConfig adjustment;
