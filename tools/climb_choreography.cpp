@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <stdexcept>
 #include <utility>
 
 #include "tools/limb_ik.hpp"
@@ -46,6 +47,9 @@ Matrix3d pelvis_rotation(const ClimbChoreography::Trunk& x) {
       .toRotationMatrix();
 }
 
+// Table over body height for which the key poses below stay a plausible climb.
+constexpr double kLowestTable = 0.10;
+constexpr double kHighestTable = 0.27;
 constexpr double kMostReach = 0.997;  // of a limb's length at a key pose
 constexpr double kReachElbowFlexion = 25.0 * kDeg;
 // The swinging foot leaves the straight line backward and upward, so that the knee comes over the
@@ -60,6 +64,10 @@ Vector3d knee_hint(std::size_t side) { return {1.0, 0.1 * outward(side), 0.0}; }
 
 ClimbChoreography::ClimbChoreography(const ClimbParameters& parameters)
     : parameters_(parameters), skeleton_(parameters.body_height) {
+  const double share = parameters.table_height / parameters.body_height;
+  if (!(share >= kLowestTable && share <= kHighestTable)) {
+    throw std::invalid_argument("the table must be 0.10 to 0.27 of the body height");
+  }
   place_targets();
   plan_trunk();
   for (std::size_t side = 0; side < 2; ++side) {

@@ -49,7 +49,8 @@ int main(int argc, char** argv) {
   app.add_option("--height", parameters.body_height, "body height, m")
       ->check(CLI::Range(1.2, 2.2))
       ->capture_default_str();
-  app.add_option("--table-height", parameters.table_height, "table height, m")
+  app.add_option("--table-height", parameters.table_height,
+                 "table height, m (0.10 to 0.27 of the body height)")
       ->check(CLI::Range(0.05, 1.0))
       ->capture_default_str();
   app.add_option("--rate", rate, "frames per second, Hz")
