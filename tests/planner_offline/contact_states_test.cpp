@@ -115,6 +115,19 @@ TEST(ContactStates, IgnoreFlicker) {
   EXPECT_EQ(states_of({{1.0, kArms}, {0.2, kWrists}, {1.0, kArms}}).size(), 3u);
 }
 
+TEST(ContactStates, IgnoreLinksThatFlickerInTurn) {
+  std::vector<Stretch> stretches{{0.2, kArms}};
+  for (int i = 0; i < 5; ++i) {
+    stretches.push_back({0.1, {"Lwrist", "Rwrist", "Lelb"}});
+    stretches.push_back({0.1, {"Lwrist", "Rwrist", "Relb"}});
+  }
+  stretches.push_back({0.1, kArms});
+  const auto states = states_of(stretches);
+  ASSERT_EQ(states.size(), 1u);
+  EXPECT_NEAR(states[0].start, 0.0, 1e-9);
+  EXPECT_NEAR(states[0].end, 1.25, 1e-9);
+}
+
 TEST(ContactStates, CountLinksThatLandInShortOrderToTheFullSet) {
   const auto states = states_of({{1.0, {}}, {0.1, {"Lwrist"}}, {1.0, kWrists}});
   ASSERT_EQ(states.size(), 1u);
