@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
+#include <ostream>
 #include <random>
 
 #include "planner_offline/ik/dense_qp.hpp"
@@ -37,6 +38,12 @@ struct QpSize {
   int inequalities = 0;
   bool bounded = false;
 };
+
+/// Names the size in test names; otherwise GoogleTest prints its bytes, padding included.
+inline void PrintTo(const QpSize& size, std::ostream* out) {
+  *out << size.n << " variables, " << size.equalities << " equalities, " << size.inequalities
+       << " rows" << (size.bounded ? ", bounds" : "");
+}
 
 /// A feasible program (a known interior point exists) with many constraints active at the optimum.
 inline QpProblem feasible_qp(const QpSize& size, Random& random) {
