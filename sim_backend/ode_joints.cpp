@@ -15,8 +15,8 @@ constexpr double kStopDamping = 200.0;  // N m s/rad
 
 // Share of a step's change that the next step starts from. A step's error in a joint's wrench is
 // followed by an equal and opposite one that undoes its effect: taking up the whole change feeds
-// this zigzag, and below a half the guess lags.
-constexpr double kTakenUp = 0.8;
+// this zigzag, taking up less makes the guess lag, which takes damping from a robot that rocks.
+constexpr double kTakenUp = 0.9;
 
 }  // namespace
 

@@ -19,8 +19,6 @@ namespace {
 // contacts are redundant.
 constexpr double kHingeErp = 0.05;
 constexpr double kWorldCfm = 1e-9;
-// ODE's 1.3 leaves errors that change sign from step to step, which a warm start amplifies.
-constexpr double kOverRelaxation = 1.1;
 
 dWorldID create_world(const OdeOptions& options) {
   // Never closed: worlds may live until the process ends.
@@ -32,7 +30,6 @@ dWorldID create_world(const OdeOptions& options) {
   dWorldSetERP(world, kHingeErp);
   dWorldSetCFM(world, kWorldCfm);
   dWorldSetQuickStepNumIterations(world, options.iterations);
-  dWorldSetQuickStepW(world, kOverRelaxation);
   return world;
 }
 

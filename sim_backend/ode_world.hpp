@@ -45,7 +45,7 @@ enum class OdeStepper {
 struct OdeOptions {
   double step = 1e-3;  ///< s
   OdeStepper stepper = OdeStepper::kQuick;
-  int iterations = 40;  ///< of the quick stepper
+  int iterations = 50;  ///< of the quick stepper
   /// N m: where every drive saturates; empty: each joint's drive_torque_limit.
   std::optional<double> saturate_at;
   Eigen::Vector3d gravity{0.0, 0.0, -kGravity};  ///< m/s^2
