@@ -1,0 +1,194 @@
+#include "planner_offline/clearance/clearance.hpp"
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+namespace clamber {
+namespace {
+
+constexpr double kIgnored = -1.0;  // margin of a pair that is meant to touch
+
+/// A capsule's ends and a box's corners too: one witness alone would leave rotation unconstrained
+/// where an edge runs parallel to the surface.
+void extra_witnesses(const Solid& solid, std::vector<Solid>& parts) {
+  parts.clear();
+  if (solid.shape == Shape::kCapsule) {
+    for (const double end : {-0.5, 0.5}) {
+      Solid sphere;
+      sphere.radius = solid.radius;
+      sphere.X_WG.p = solid.X_WG.p + end * solid.length * solid.X_WG.R.col(2);
+      parts.push_back(sphere);
+    }
+  } else if (solid.shape == Shape::kBox) {
+    for (int corner = 0; corner < 8; ++corner) {
+      const Eigen::Vector3d sign((corner & 1) ? 1 : -1, (corner & 2) ? 1 : -1,
+                                 (corner & 4) ? 1 : -1);
+      Solid point;
+      point.X_WG.p = solid.X_WG * sign.cwiseProduct(solid.half_extents);
+      parts.push_back(point);
+    }
+  }
+}
+
+}  // namespace
+
+void append(Inequalities& rows, const Eigen::RowVectorXd& C, double d) {
+  const Eigen::Index n = rows.d.size();
+  rows.C.conservativeResize(n + 1, C.cols());
+  rows.C.row(n) = C;
+  rows.d.conservativeResize(n + 1);
+  rows.d[n] = d;
+}
+
+Clearance::Clearance(const RobotModel& model, const Scenario& scenario,
+                     const ClearanceSettings& settings)
+    : model_(model), settings_(settings), contact_of_geom_(model.geoms.size(), -1) {
+  for (const ObstacleBox& box : scenario.obstacles) {
+    Solid solid;
+    solid.shape = Shape::kBox;
+    solid.X_WG.p = box.center;
+    solid.X_WG.R = Eigen::AngleAxisd(box.yaw, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+    solid.half_extents = box.half_extents;
+    obstacles_.push_back(solid);
+    heights_.push_back(box.top());
+  }
+  for (std::size_t i = 0; i < model.contacts.size(); ++i) {
+    contact_of_geom_[static_cast<std::size_t>(model.contacts[i].geom)] = static_cast<int>(i);
+  }
+}
+
+double Clearance::environment_margin(const RobotData& data, int geom, int surface,
+                                     const ContactSet& contacts,
+                                     const std::vector<int>& landing) const {
+  const int body = model_.geoms[static_cast<std::size_t>(geom)].body;
+  const int own_link = contact_of_geom_[static_cast<std::size_t>(geom)];
+  double margin = settings_.obstacle;
+  for (const Contact& contact : contacts) {
+    if (contact.surface != surface) {
+      continue;
+    }
+    if (contact.link == own_link) {
+      return kIgnored;
+    }
+    if (model_.contacts[static_cast<std::size_t>(contact.link)].body == body) {
+      margin = settings_.landing;
+    }
+  }
+  for (const int link : landing) {
+    const bool own = link == own_link;
+    if (surface == kFloor ||
+        (!own && model_.contacts[static_cast<std::size_t>(link)].body != body)) {
+      continue;
+    }
+    // The nearer the landing link is to the surface, the less clearance is left to ask for.
+    const double above =
+        touch_point(model_, data, link).z() - heights_[static_cast<std::size_t>(surface)];
+    const double least = own ? 0.0 : settings_.landing;
+    margin = std::min(margin, std::clamp(0.6 * above, least, settings_.obstacle));
+  }
+  return margin;
+}
+
+void Clearance::find_near(const RobotData& data, const ContactSet& contacts,
+                          const std::vector<int>& landing, double within,
+                          std::vector<Near>& found) const {
+  found.clear();
+  std::vector<Solid> solids(model_.geoms.size());
+  for (std::size_t g = 0; g < solids.size(); ++g) {
+    solids[g] = place(model_.geoms[g], data.X_WB[static_cast<std::size_t>(model_.geoms[g].body)]);
+  }
+  std::vector<Solid> parts;
+  const auto consider = [&](const Distance& d, double margin, int geom) {
+    if (d.value < within) {
+      found.push_back({d, margin, model_.geoms[static_cast<std::size_t>(geom)].body, -1, geom, -1});
+    }
+  };
+  for (std::size_t g = 0; g < solids.size(); ++g) {
+    const int geom = static_cast<int>(g);
+    extra_witnesses(solids[g], parts);
+    for (int surface = kFloor; surface < static_cast<int>(obstacles_.size()); ++surface) {
+      const auto to_surface = [&](const Solid& s) {
+        return surface == kFloor
+                   ? distance_to_floor(s, 0.0)
+                   : signed_distance(s, obstacles_[static_cast<std::size_t>(surface)]);
+      };
+      const Distance whole = to_surface(solids[g]);
+      if (whole.value > within) {
+        continue;
+      }
+      const double margin = environment_margin(data, geom, surface, contacts, landing);
+      if (margin == kIgnored) {
+        continue;
+      }
+      consider(whole, margin, geom);
+      for (const Solid& part : parts) {
+        consider(to_surface(part), margin, geom);
+      }
+    }
+  }
+  for (const auto* pairs : {&model_.collision_pairs, &model_.planner_pairs}) {
+    for (const auto& [a, b] : *pairs) {
+      const Distance d =
+          signed_distance(solids[static_cast<std::size_t>(a)], solids[static_cast<std::size_t>(b)]);
+      if (d.value < within) {
+        found.push_back({d, settings_.self, model_.geoms[static_cast<std::size_t>(a)].body,
+                         model_.geoms[static_cast<std::size_t>(b)].body, a, b});
+      }
+    }
+  }
+}
+
+void Clearance::constrain(const RobotData& data, const ContactSet& contacts,
+                          const std::vector<int>& landing, bool may_recover,
+                          Inequalities& rows) const {
+  std::vector<Near> found;
+  find_near(data, contacts, landing, settings_.activation, found);
+  const auto first = rows.d.size();
+  const auto count = static_cast<Eigen::Index>(found.size());
+  rows.C.conservativeResize(first + count, model_.velocity_count());
+  rows.d.conservativeResize(first + count);
+  Jacobian3 J;
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const Near& near = found[static_cast<std::size_t>(i)];
+    point_jacobian(model_, data, near.body_a, near.distance.on_a, J);
+    Eigen::RowVectorXd row = near.distance.normal.transpose() * J;
+    if (near.body_b >= 0) {
+      point_jacobian(model_, data, near.body_b, near.distance.on_b, J);
+      row -= near.distance.normal.transpose() * J;
+    }
+    const double gap = near.distance.value - near.margin;
+    // A velocity damper: half of the remaining gap may be used in one step.
+    constexpr double kMayClose = 0.5, kRecover = 0.3, kMostRecovered = 0.004;
+    rows.C.row(first + i) = row;
+    rows.d[first + i] = gap >= 0.0    ? -kMayClose * gap
+                        : may_recover ? std::min(-kRecover * gap, kMostRecovered)
+                                      : 0.0;
+  }
+}
+
+ClearanceReport Clearance::report(const RobotData& data, const ContactSet& contacts,
+                                  const std::vector<int>& landing) const {
+  std::vector<Near> found;
+  find_near(data, contacts, landing, 0.5, found);
+  ClearanceReport report{0.5, 0.5, 0.5, "", ""};
+  for (const Near& near : found) {
+    const std::string& a = model_.geoms[static_cast<std::size_t>(near.geom_a)].name;
+    if (near.body_b >= 0) {
+      if (near.distance.value < report.self) {
+        report.self = near.distance.value;
+        report.worst_self_pair =
+            a + " - " + model_.geoms[static_cast<std::size_t>(near.geom_b)].name;
+      }
+      continue;
+    }
+    report.obstacle = std::min(report.obstacle, near.distance.value);
+    if (near.distance.value - near.margin < report.obstacle_excess) {
+      report.obstacle_excess = near.distance.value - near.margin;
+      report.worst_obstacle_pair = a;
+    }
+  }
+  return report;
+}
+
+}  // namespace clamber

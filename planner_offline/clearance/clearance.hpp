@@ -1,0 +1,68 @@
+// Clearance of a posture to floor, obstacles and itself, and the collision constraints of Eq. (9).
+// Any thread; allocates; never blocks.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "planner_offline/clearance/signed_distance.hpp"
+#include "planner_offline/contacts/contact.hpp"
+
+namespace clamber {
+
+struct ClearanceSettings {
+  double obstacle = 0.012;  ///< m, links not in contact to obstacle and floor (10-15 mm in a swing)
+  double landing = 0.002;   ///< m, links of a limb that rests or lands on that surface
+  double self = 0.008;      ///< m, between the robot's own links
+  double activation = 0.10;  ///< m, nearer pairs become rows of the inverse kinematics
+};
+
+/// C dv >= d, the form the hierarchical QP takes.
+struct Inequalities {
+  Eigen::MatrixXd C;
+  Eigen::VectorXd d;
+};
+void append(Inequalities& rows, const Eigen::RowVectorXd& C, double d);
+
+struct ClearanceReport {
+  double obstacle = 0.0;         ///< m, smallest over links that are not meant to touch
+  double obstacle_excess = 0.0;  ///< m, smallest distance less the margin asked for
+  double self = 0.0;             ///< m
+  std::string worst_obstacle_pair;
+  std::string worst_self_pair;
+};
+
+class Clearance {
+ public:
+  Clearance(const RobotModel& model, const Scenario& scenario, const ClearanceSettings& settings);
+
+  /// One row per near pair: the gap may close no further than its margin. `landing`: contact links
+  /// on their way to a surface, whose limbs get the smaller margin as they come near it.
+  /// `may_recover`: where a margin is violated, ask for (bounded) separation.
+  void constrain(const RobotData& data, const ContactSet& contacts, const std::vector<int>& landing,
+                 bool may_recover, Inequalities& rows) const;
+
+  [[nodiscard]] ClearanceReport report(const RobotData& data, const ContactSet& contacts,
+                                       const std::vector<int>& landing) const;
+
+ private:
+  struct Near {
+    Distance distance;
+    double margin;
+    int body_a, body_b;  // body_b < 0: the world
+    int geom_a, geom_b;
+  };
+  void find_near(const RobotData& data, const ContactSet& contacts, const std::vector<int>& landing,
+                 double within, std::vector<Near>& found) const;
+  [[nodiscard]] double environment_margin(const RobotData& data, int geom, int surface,
+                                          const ContactSet& contacts,
+                                          const std::vector<int>& landing) const;
+
+  const RobotModel& model_;
+  ClearanceSettings settings_;
+  std::vector<Solid> obstacles_;
+  std::vector<double> heights_;
+  std::vector<int> contact_of_geom_;  // contact link whose geom it is, or -1
+};
+
+}  // namespace clamber

@@ -1,0 +1,115 @@
+#include "planner_offline/contacts/contact.hpp"
+
+#include <algorithm>
+
+namespace clamber {
+namespace {
+
+const ContactLink& link_of(const RobotModel& model, int link) {
+  return model.contacts[static_cast<std::size_t>(link)];
+}
+
+/// The two patch points farthest along the anchor's forward axis: the edge a foot rolls over.
+std::vector<Eigen::Vector3d> front_points(const ContactLink& link) {
+  std::vector<Eigen::Vector3d> points = link.points;
+  std::stable_sort(points.begin(), points.end(),
+                   [](const auto& a, const auto& b) { return a.x() > b.x(); });
+  points.resize(std::min<std::size_t>(points.size(), 2));
+  return points;
+}
+
+}  // namespace
+
+double surface_height(const Scenario& scenario, int surface) {
+  return surface == kFloor ? 0.0 : scenario.obstacles[static_cast<std::size_t>(surface)].top();
+}
+
+Contact make_contact(const RobotModel& model, const Scenario& scenario, const RobotData& data,
+                     int link, int surface) {
+  const ContactLink& contact_link = link_of(model, link);
+  Contact contact;
+  contact.link = link;
+  contact.surface = surface;
+  contact.mode = contact_link.is_patch ? ContactMode::kPatch : ContactMode::kPoint;
+  contact.height = surface_height(scenario, surface);
+  contact.anchor = data.X_WB[static_cast<std::size_t>(contact_link.body)];
+  return contact;
+}
+
+Eigen::Vector3d touch_point(const RobotModel& model, const RobotData& data, int link) {
+  const ContactLink& contact_link = link_of(model, link);
+  const Pose& X_WB = data.X_WB[static_cast<std::size_t>(contact_link.body)];
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& point : contact_link.points) {
+    centre += X_WB * point;
+  }
+  centre /= static_cast<double>(contact_link.points.size());
+  centre.z() -= contact_link.radius;
+  return centre;
+}
+
+std::vector<Eigen::Vector3d> contact_points(const RobotModel& model, const RobotData& data,
+                                            const Contact& contact) {
+  const ContactLink& link = link_of(model, contact.link);
+  if (contact.mode == ContactMode::kPoint) {
+    return {touch_point(model, data, contact.link)};
+  }
+  const Pose& X_WB = data.X_WB[static_cast<std::size_t>(link.body)];
+  std::vector<Eigen::Vector3d> points =
+      contact.mode == ContactMode::kToe ? front_points(link) : link.points;
+  for (Eigen::Vector3d& point : points) {
+    point = X_WB * point;
+  }
+  return points;
+}
+
+std::vector<Eigen::Vector3d> contact_points(const RobotModel& model, const RobotData& data,
+                                            const ContactSet& contacts) {
+  std::vector<Eigen::Vector3d> points;
+  for (const Contact& contact : contacts) {
+    const auto own = contact_points(model, data, contact);
+    points.insert(points.end(), own.begin(), own.end());
+  }
+  return points;
+}
+
+Task contact_task(const RobotModel& model, const RobotData& data, const Contact& contact) {
+  const ContactLink& link = link_of(model, contact.link);
+  if (contact.mode == ContactMode::kPatch) {
+    return pose_task(model, data, link.body, contact.anchor);
+  }
+  if (contact.mode == ContactMode::kPoint) {
+    const Eigen::Vector3d bottom = touch_point(model, data, contact.link);
+    return point_task(model, data, link.body, bottom, {0.0, 0.0, contact.height - bottom.z()});
+  }
+  Task task = empty_task(model);
+  const Pose& X_WB = data.X_WB[static_cast<std::size_t>(link.body)];
+  for (const Eigen::Vector3d& point : front_points(link)) {
+    const Eigen::Vector3d now = X_WB * point;
+    task = task + point_task(model, data, link.body, now, contact.anchor * point - now);
+  }
+  return task;
+}
+
+bool holds(const ContactSet& contacts, int link) {
+  return std::any_of(contacts.begin(), contacts.end(),
+                     [link](const Contact& c) { return c.link == link; });
+}
+
+bool holds_limb(const RobotModel& model, const ContactSet& contacts, int link) {
+  return std::any_of(contacts.begin(), contacts.end(), [&](const Contact& c) {
+    return c.link != link && link_of(model, c.link).limb == link_of(model, link).limb;
+  });
+}
+
+ContactSet without(const ContactSet& contacts, const std::vector<int>& links) {
+  ContactSet rest;
+  for (const Contact& contact : contacts) {
+    if (std::find(links.begin(), links.end(), contact.link) == links.end()) {
+      rest.push_back(contact);
+    }
+  }
+  return rest;
+}
+
+}  // namespace clamber

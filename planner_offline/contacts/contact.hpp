@@ -1,0 +1,62 @@
+// A contact the planner holds: which link rests how on which surface.
+// Any thread; allocates; never blocks.
+#pragma once
+
+#include <vector>
+
+#include "planner_offline/ik/task.hpp"
+#include "robot_model/kinematics.hpp"
+#include "sim_backend/scenario.hpp"
+
+namespace clamber {
+
+enum class ContactMode {
+  kPoint,  ///< a sphere: rolls without slipping
+  kPatch,  ///< a sole: six coordinates held
+  kToe,    ///< a sole relaxed to its front edge: may roll over it (paper IV-D: a contact that does
+           ///< not appear in the next state is relaxed)
+};
+
+inline constexpr int kFloor = -1;
+
+struct Contact {
+  int link = 0;          ///< index into RobotModel::contacts
+  int surface = kFloor;  ///< kFloor or index into Scenario::obstacles
+  ContactMode mode = ContactMode::kPoint;
+  double height = 0.0;  ///< of the surface, m
+  Pose anchor;          ///< patch and toe: the body's pose when it was placed
+};
+
+using ContactSet = std::vector<Contact>;
+
+/// The contact that `link` would make now on `surface`.
+[[nodiscard]] Contact make_contact(const RobotModel& model, const Scenario& scenario,
+                                   const RobotData& data, int link, int surface);
+
+/// Where the contact touches, in the world: one point, the sole's corners, or its front corners.
+[[nodiscard]] std::vector<Eigen::Vector3d> contact_points(const RobotModel& model,
+                                                          const RobotData& data,
+                                                          const Contact& contact);
+
+/// The points of all contacts.
+[[nodiscard]] std::vector<Eigen::Vector3d> contact_points(const RobotModel& model,
+                                                          const RobotData& data,
+                                                          const ContactSet& contacts);
+
+/// Rows that keep the contact: a point rolls (the material point at the bottom does not move), its
+/// height and a patch's pose are corrected.
+[[nodiscard]] Task contact_task(const RobotModel& model, const RobotData& data,
+                                const Contact& contact);
+
+/// Lowest point of a contact link's sphere, or the sole's centre: what touches the surface.
+[[nodiscard]] Eigen::Vector3d touch_point(const RobotModel& model, const RobotData& data, int link);
+
+[[nodiscard]] bool holds(const ContactSet& contacts, int link);
+/// Whether another contact of the same limb is held.
+[[nodiscard]] bool holds_limb(const RobotModel& model, const ContactSet& contacts, int link);
+[[nodiscard]] ContactSet without(const ContactSet& contacts, const std::vector<int>& links);
+
+/// Surface height: 0 for the floor, the top of the obstacle otherwise.
+[[nodiscard]] double surface_height(const Scenario& scenario, int surface);
+
+}  // namespace clamber

@@ -1,0 +1,279 @@
+#include "planner_offline/search/motion_search.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+namespace clamber {
+namespace {
+
+/// Where a move's references are shifted to, m: forward over the obstacle, inward to the robot's
+/// middle. The recording's own places come first.
+struct Placement {
+  double forward;
+  double inward;
+};
+constexpr Placement kPlacements[] = {{0.0, 0.0},   {0.0, 0.04},   {0.03, 0.0},   {0.03, 0.04},
+                                     {-0.03, 0.0}, {-0.03, 0.04}, {0.06, 0.0},   {0.06, 0.04},
+                                     {-0.06, 0.0}, {0.1, 0.0},    {-0.1, 0.0}};
+
+/// What to try for a move. The order is fixed: the same inputs give the same plan.
+std::vector<Candidate> candidates_for(const Move& move, const SearchSettings& settings) {
+  std::vector<Candidate> list;
+  const double less = 0.5 * (settings.wanted_margin + settings.support_margin);
+  for (const double raise : {0.0, 0.03}) {
+    for (const double margin : {settings.wanted_margin, less}) {
+      for (const double outward : {0.0, 0.05}) {
+        if (!move.lifts.empty() || (margin != less && outward == 0.0)) {
+          // margin and way out make a difference only where a limb leaves its support
+          list.push_back({margin, settings.swing_height + raise, outward});
+        }
+      }
+    }
+  }
+  return list;
+}
+
+std::string format(const char* text, const std::string& name, double a, double b) {
+  char line[256];
+  std::snprintf(line, sizeof line, text, name.c_str(), a, b);
+  return line;
+}
+
+}  // namespace
+
+MotionSearch::MotionSearch(const RobotModel& model, const Scenario& scenario,
+                           const Clearance& clearance, const PlannerSettings& settings,
+                           ReferenceOptimiser& references)
+    : model_(model),
+      scenario_(scenario),
+      clearance_(clearance),
+      settings_(settings),
+      references_(references),
+      steering_(model, clearance, settings_),
+      forces_(model, settings.forces) {}
+
+SupportRegion MotionSearch::region_of(const Configuration& x, const ContactSet& contacts) {
+  RobotData data;
+  forward_kinematics(model_, x, data);
+  return SupportRegion(contact_points(model_, data, contacts));
+}
+
+std::string MotionSearch::name_of(const std::vector<int>& links) const {
+  std::string name;
+  for (const int link : links) {
+    name += (name.empty() ? "" : "+") + model_.contacts[static_cast<std::size_t>(link)].name;
+  }
+  return name;
+}
+
+/// Every posture of a stretch must stand still within friction cones and torque limits.
+std::string MotionSearch::check(const Stretch& stretch) {
+  RobotData data;
+  const std::size_t last = stretch.path.size() - 1;
+  constexpr std::size_t kEvery = 3;
+  for (std::size_t i = 0; i <= last; i = i == last ? last + 1 : std::min(i + kEvery, last)) {
+    forward_kinematics(model_, stretch.path[i], data);
+    const ForceSolution solution = forces_.solve(data, stretch.contacts);
+    if (solution.status == Equilibrium::kBalance) {
+      return stretch.name + ": no contact forces within the friction cones balance the robot";
+    }
+    if (solution.status == Equilibrium::kTorque) {
+      const Joint& joint = model_.joints[static_cast<std::size_t>(solution.peak_joint)];
+      return format((stretch.name + ": %s needs %.1f N m of %.1f").c_str(), joint.name,
+                    solution.peak_torque, joint.torque_limit * settings_.forces.torque_share);
+    }
+  }
+  return "";
+}
+
+/// Brings the centre of mass over the contacts that stay. Contacts that the next state lacks are
+/// relaxed: a foot may roll over its front edge.
+std::string MotionSearch::shift_weight(const Move& move, const Candidate& candidate,
+                                       const TouchKeyframe& keyframe, Node& node,
+                                       std::vector<Stretch>& stretches) {
+  const ContactSet common = without(node.contacts, move.lifts);
+  ContactSet relaxed = node.contacts;
+  for (Contact& contact : relaxed) {
+    const bool lifts =
+        std::find(move.lifts.begin(), move.lifts.end(), contact.link) != move.lifts.end();
+    if (lifts && contact.mode == ContactMode::kPatch) {
+      contact.mode = ContactMode::kToe;
+    }
+  }
+  MotionGoal goal;
+  goal.contacts = relaxed;
+  goal.reach_region = region_of(node.x, common);
+  goal.reach_margin = std::min(candidate.shift_margin, settings_.search.wanted_margin) - 0.005;
+  goal.region = region_of(node.x, relaxed);
+  RobotData data;
+  forward_kinematics(model_, node.x, data);
+  goal.region_margin =
+      std::min(settings_.search.support_margin, goal.region->margin(data.com.head<2>()));
+  forward_kinematics(model_, keyframe.x, data);
+  goal.com = goal.reach_region->nearest_inside(data.com.head<2>(), candidate.shift_margin);
+  goal.posture = keyframe.x.q;
+  const MotionResult moved = steering_.move(node.x, goal);
+  if (!moved.reached) {
+    // Falling short is no failure as long as the contacts that stay carry with the least margin.
+    forward_kinematics(model_, moved.path.back(), data);
+    if (goal.reach_region->margin(data.com.head<2>()) < settings_.search.support_margin) {
+      return "weight shift before lifting " + name_of(move.lifts) + ": " + moved.reason;
+    }
+  }
+  stretches.push_back(
+      {"shift off " + name_of(move.lifts), Stretch::Kind::kMotion, moved.path, relaxed, {}});
+  stretches.push_back({"unload " + name_of(move.lifts),
+                       Stretch::Kind::kLoad,
+                       {moved.path.back()},
+                       relaxed,
+                       common});
+  node = {moved.path.back(), common};
+  return "";
+}
+
+std::string MotionSearch::swing(const Move& move, const Candidate& candidate,
+                                const TouchKeyframe& keyframe, Node& node,
+                                std::vector<Stretch>& stretches) {
+  MotionGoal goal;
+  goal.contacts = node.contacts;
+  goal.region_margin = settings_.search.support_margin;
+  RobotData data;
+  forward_kinematics(model_, node.x, data);
+  goal.posture = keyframe.x.q;
+  const double above = surface_height(scenario_, move.surface) + candidate.swing_height;
+  for (const int link : move.lands) {
+    const Eigen::Vector3d from = touch_point(model_, data, link);
+    const Eigen::Vector3d to = keyframe.positions.at(link);
+    Swing path{link, {}, true};
+    if (!move.lifts.empty()) {
+      // Up beside the obstacle's face first, then over its edge.
+      const double side = from.y() >= data.X_WB[0].p.y() ? candidate.outward : -candidate.outward;
+      path.path.push_back({std::min(from.x(), to.x()) - 0.02, from.y() + side, above});
+    }
+    const bool carried = holds_limb(model_, node.contacts, link);
+    if (!carried) {
+      path.path.push_back({to.x(), to.y(), above});
+    }
+    path.path.push_back(to);
+    goal.swings.push_back(path);
+  }
+  const MotionResult moved = steering_.move(node.x, goal);
+  const std::string name = (move.lifts.empty() ? "reach " : "swing ") + name_of(move.lands);
+  if (!moved.reached) {
+    return name + ": " + moved.reason;
+  }
+  stretches.push_back({name, Stretch::Kind::kMotion, moved.path, node.contacts, {}});
+  node.x = moved.path.back();
+  forward_kinematics(model_, node.x, data);
+  ContactSet with = node.contacts;
+  for (const int link : move.lands) {
+    with.push_back(make_contact(model_, scenario_, data, link, move.surface));
+  }
+  stretches.push_back(
+      {"load " + name_of(move.lands), Stretch::Kind::kLoad, {node.x}, node.contacts, with});
+  node.contacts = with;
+  return "";
+}
+
+void MotionSearch::reject(std::size_t index, const std::string& why) {
+  result_.rejected.push_back(why);
+  progress_(static_cast<int>(index), static_cast<int>(moves_->size()), "rejected: " + why);
+  if (index >= furthest_) {
+    furthest_ = index;
+    result_.failure = why;
+  }
+}
+
+/// Makes the move this way and, where that works, the rest of the climb after it.
+bool MotionSearch::try_candidate(std::size_t index, const Candidate& candidate,
+                                 const TouchKeyframe& keyframe, const Node& node) {
+  const Move& move = (*moves_)[index];
+  ++result_.candidates_tried;
+  std::vector<Stretch> stretches;
+  Node to = node;
+  std::string failure;
+  if (!move.lifts.empty()) {
+    failure = shift_weight(move, candidate, keyframe, to, stretches);
+  }
+  if (failure.empty()) {
+    failure = swing(move, candidate, keyframe, to, stretches);
+  }
+  for (auto it = stretches.begin(); failure.empty() && it != stretches.end(); ++it) {
+    failure = check(*it);
+  }
+  if (!failure.empty()) {
+    reject(index, failure);
+    return false;
+  }
+  const std::size_t kept_stretches = result_.stretches.size();
+  const std::size_t kept_keyframes = result_.keyframes.size();
+  result_.stretches.insert(result_.stretches.end(), stretches.begin(), stretches.end());
+  result_.keyframes.push_back(keyframe);
+  if (descend(index + 1, to)) {
+    return true;
+  }
+  ++result_.backtracks;
+  result_.stretches.resize(kept_stretches);
+  result_.keyframes.resize(kept_keyframes);
+  return false;
+}
+
+bool MotionSearch::descend(std::size_t index, const Node& node) {
+  if (index == moves_->size()) {
+    return true;
+  }
+  const Move& move = (*moves_)[index];
+  const ContactSet supports = without(node.contacts, move.lifts);
+  for (const Placement& placement : kPlacements) {
+    if (placement.inward != 0.0 && move.lands.size() != 1) {
+      continue;  // a pair keeps its width: it is what the support region lives on
+    }
+    progress_(static_cast<int>(index), static_cast<int>(moves_->size()), name_of(move.lands));
+    std::map<int, Eigen::Vector3d> wanted = move.references;
+    for (auto& [link, reference] : wanted) {
+      reference.x() += placement.forward;
+      const double side = reference.y() - node.x.X_WB.p.y();
+      reference.y() -= std::copysign(std::min(std::abs(side), placement.inward), side);
+    }
+    const TouchKeyframe keyframe = references_.optimise(
+        move.state, node.x, supports, wanted, move.completes_limb, move.surface, move.hint);
+    if (!keyframe.problem.empty()) {
+      reject(index, name_of(move.lands) + ": " + keyframe.problem);
+      continue;
+    }
+    for (const Candidate& candidate : candidates_for(move, settings_.search)) {
+      if (result_.candidates_tried >= settings_.search.most_candidates) {
+        return false;
+      }
+      const std::size_t before = result_.backtracks;
+      if (try_candidate(index, candidate, keyframe, node)) {
+        return true;
+      }
+      if (result_.backtracks != before) {
+        break;  // the move works and what follows does not: another way to the same place is no help
+      }
+    }
+  }
+  return false;
+}
+
+SearchResult MotionSearch::run(const Configuration& start, const std::vector<Move>& moves,
+                               const Progress& progress) {
+  result_ = {};
+  furthest_ = 0;
+  moves_ = &moves;
+  progress_ = progress;
+  Node node{start, {}};
+  RobotData data;
+  forward_kinematics(model_, start, data);
+  for (std::size_t i = 0; i < model_.contacts.size(); ++i) {
+    if (model_.contacts[i].is_patch) {
+      node.contacts.push_back(make_contact(model_, scenario_, data, static_cast<int>(i), kFloor));
+    }
+  }
+  result_.success = descend(0, node);
+  return result_;
+}
+
+}  // namespace clamber

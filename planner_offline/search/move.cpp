@@ -1,0 +1,221 @@
+#include "planner_offline/search/move.hpp"
+
+#include <algorithm>
+#include <limits>
+#include <set>
+
+#include "robot_model/loader.hpp"
+
+namespace clamber {
+namespace {
+
+constexpr double kTogether = 0.6;  // s: links of a pair that touch within this time land together
+
+int link_index(const RobotModel& model, const std::string& name) {
+  const auto link = model.find_contact(name);
+  if (!link) {
+    throw InputError("contact sequence: robot '" + model.name + "' has no contact link '" + name +
+                     "'");
+  }
+  return *link;
+}
+
+/// When a link first touches the obstacle in the full sequence, s.
+double first_touch(const ContactSequence& sequence, const std::string& link) {
+  for (const ContactState& state : sequence.states) {
+    for (const ContactReference& contact : state.obstacle) {
+      if (contact.link == link) {
+        return state.start;
+      }
+    }
+  }
+  return std::numeric_limits<double>::infinity();
+}
+
+/// Posture hint: the robot's posture in the first full state that holds `link`, else the state's.
+JointVector hint_for(const ContactSequence& sequence, const ContactState& state,
+                     const std::string& link) {
+  for (const ContactState& full : sequence.states) {
+    for (const ContactReference& contact : full.obstacle) {
+      if (contact.link == link && full.posture.q.size() == state.posture.q.size()) {
+        return full.posture.q;
+      }
+    }
+  }
+  return state.posture.q;
+}
+
+/// The same part on the other side: equal geometry class, other limb.
+bool are_a_pair(const RobotModel& model, int a, int b) {
+  const ContactLink& la = model.contacts[static_cast<std::size_t>(a)];
+  const ContactLink& lb = model.contacts[static_cast<std::size_t>(b)];
+  return la.limb != lb.limb && la.is_patch == lb.is_patch &&
+         std::abs(la.support_length - lb.support_length) < 1e-3;
+}
+
+struct Builder {
+  const RobotModel& model;
+  const Scenario& scenario;
+  const ContactSequence& sequence;
+  std::vector<std::string>& notes;
+  std::set<int> standing;  // links on the floor
+  std::set<int> resting;   // links on the obstacle
+  std::vector<Move> moves;
+
+  void add_state(std::size_t index);
+  void add_move(std::size_t state, const std::vector<ContactReference>& landing);
+  void add_missing_goals();
+  void mark_completing_links();
+};
+
+void Builder::add_move(std::size_t state, const std::vector<ContactReference>& landing) {
+  Move move;
+  move.state = static_cast<int>(state);
+  move.hint = hint_for(sequence, sequence.reduced[state], landing.front().link);
+  for (const ContactReference& contact : landing) {
+    const int link = link_index(model, contact.link);
+    move.lands.push_back(link);
+    move.references[link] = from_edge_frame(scenario.obstacles.front(), contact.position);
+    resting.insert(link);
+    // A leg cannot stand on the floor and kneel on the obstacle at once.
+    for (const int other : std::set<int>(standing)) {
+      if (model.contacts[static_cast<std::size_t>(other)].limb ==
+          model.contacts[static_cast<std::size_t>(link)].limb) {
+        move.lifts.push_back(other);
+        standing.erase(other);
+      }
+    }
+  }
+  moves.push_back(move);
+}
+
+void Builder::add_state(std::size_t index) {
+  std::vector<ContactReference> fresh;
+  for (const ContactReference& contact : sequence.reduced[index].obstacle) {
+    const int link = link_index(model, contact.link);
+    if (model.contacts[static_cast<std::size_t>(link)].is_patch) {
+      notes.push_back("state " + std::to_string(index + 1) + ": " + contact.link +
+                      " on the obstacle is left out: this goal ends on knees and elbows");
+      continue;
+    }
+    if (resting.count(link) == 0) {
+      fresh.push_back(contact);
+    }
+  }
+  std::stable_sort(fresh.begin(), fresh.end(), [this](const auto& a, const auto& b) {
+    return first_touch(sequence, a.link) < first_touch(sequence, b.link);
+  });
+  while (!fresh.empty()) {
+    std::vector<ContactReference> together{fresh.front()};
+    fresh.erase(fresh.begin());
+    const int first = link_index(model, together.front().link);
+    const bool arm =
+        standing.empty() || std::none_of(standing.begin(), standing.end(), [&](int foot) {
+          return model.contacts[static_cast<std::size_t>(foot)].limb ==
+                 model.contacts[static_cast<std::size_t>(first)].limb;
+        });
+    for (auto it = fresh.begin(); arm && it != fresh.end(); ++it) {
+      const bool near_in_time =
+          first_touch(sequence, it->link) - first_touch(sequence, together.front().link) <=
+          kTogether;
+      if (near_in_time && are_a_pair(model, first, link_index(model, it->link))) {
+        together.push_back(*it);
+        fresh.erase(it);
+        break;
+      }
+    }
+    add_move(index, together);
+  }
+}
+
+/// The scenario's goal may ask for contacts that the demonstration never made. A limb that already
+/// rests on the obstacle gets them right after its first contact: they only add support.
+void Builder::add_missing_goals() {
+  for (const std::string& name : scenario.goal_contacts) {
+    const int link = link_index(model, name);
+    if (resting.count(link) != 0) {
+      continue;
+    }
+    const ContactLink& wanted = model.contacts[static_cast<std::size_t>(link)];
+    std::size_t after = moves.size();
+    Eigen::Vector3d reference = Eigen::Vector3d::Zero();
+    for (std::size_t i = 0; i < moves.size(); ++i) {
+      for (const int landed : moves[i].lands) {
+        const ContactLink& sibling = model.contacts[static_cast<std::size_t>(landed)];
+        if (sibling.limb == wanted.limb) {
+          after = i;
+          // Behind its sibling by the distance between the two points of the limb.
+          const double apart = std::abs(sibling.support_length - wanted.support_length);
+          reference = moves[i].references.at(landed) - Eigen::Vector3d(apart, 0.0, 0.0);
+        }
+      }
+    }
+    if (after == moves.size()) {
+      throw InputError("contact sequence: the goal asks for " + name +
+                       ", and no part of its limb ever touches the obstacle in the recording");
+    }
+    resting.insert(link);
+    notes.push_back("the recording has no contact of " + name + ": added after its " + wanted.limb +
+                    "'s first contact, because the goal asks for it");
+    // Both sides of a pair go down in one move.
+    if (after + 1 < moves.size() && moves[after + 1].lands.size() == 1 &&
+        are_a_pair(model, moves[after + 1].lands.front(), link) && moves[after + 1].lifts.empty()) {
+      moves[after + 1].lands.push_back(link);
+      moves[after + 1].references[link] = reference;
+      continue;
+    }
+    Move move;
+    move.state = moves[after].state;
+    move.hint = moves[after].hint;
+    move.lands = {link};
+    move.references[link] = reference;
+    moves.insert(moves.begin() + static_cast<std::ptrdiff_t>(after) + 1, move);
+  }
+}
+
+void Builder::mark_completing_links() {
+  for (std::size_t i = 0; i < moves.size(); ++i) {
+    for (const int link : moves[i].lands) {
+      const auto& limb = model.contacts[static_cast<std::size_t>(link)].limb;
+      bool more = false;
+      for (std::size_t j = i + 1; j < moves.size() && moves[j].state == moves[i].state; ++j) {
+        for (const int later : moves[j].lands) {
+          more = more || model.contacts[static_cast<std::size_t>(later)].limb == limb;
+        }
+      }
+      if (!more) {
+        moves[i].completes_limb.insert(link);
+      }
+    }
+  }
+}
+
+}  // namespace
+
+Eigen::Vector3d from_edge_frame(const ObstacleBox& box, const Eigen::Vector3d& p) {
+  const Eigen::AngleAxisd turn(box.yaw, Eigen::Vector3d::UnitZ());
+  return box.center +
+         turn * Eigen::Vector3d(p.x() - box.half_extents.x(), p.y(), p.z() + box.half_extents.z());
+}
+
+std::vector<Move> plan_moves(const RobotModel& model, const Scenario& scenario,
+                             const ContactSequence& sequence, std::vector<std::string>& notes) {
+  if (sequence.reduced.empty()) {
+    throw InputError("contact sequence of '" + sequence.recording +
+                     "': no state with absolute stability, nothing to climb with");
+  }
+  Builder builder{model, scenario, sequence, notes, {}, {}, {}};
+  for (std::size_t i = 0; i < model.contacts.size(); ++i) {
+    if (model.contacts[i].is_patch) {
+      builder.standing.insert(static_cast<int>(i));
+    }
+  }
+  for (std::size_t i = 0; i < sequence.reduced.size(); ++i) {
+    builder.add_state(i);
+  }
+  builder.add_missing_goals();
+  builder.mark_completing_links();
+  return builder.moves;
+}
+
+}  // namespace clamber

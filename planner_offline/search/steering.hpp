@@ -1,0 +1,60 @@
+// Moves a posture step by step towards a goal while every step keeps contacts, support and
+// clearance. Any thread (one Steering each); allocates; never blocks.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "planner_offline/settings.hpp"
+
+namespace clamber {
+
+/// A contact link on its way: `path` holds where its touch point goes, the last one on a surface.
+struct Swing {
+  int link = 0;
+  std::vector<Eigen::Vector3d> path;
+  bool lands = true;  ///< the last stretch comes down: height first, place second
+};
+
+/// What a motion keeps and what it wants, in falling priority: contacts, swings, centre of mass,
+/// posture.
+struct MotionGoal {
+  ContactSet contacts;
+  std::vector<Swing> swings;
+  std::optional<SupportRegion> region;        ///< hold the CoM in here all the way
+  double region_margin = 0.0;                 ///< m
+  std::optional<Eigen::Vector2d> com;         ///< m
+  std::optional<SupportRegion> reach_region;  ///< done only once the CoM is in here ...
+  double reach_margin = 0.0;                  ///< ... by this much, m
+  std::optional<JointVector> posture;         ///< rad
+  std::optional<Eigen::Matrix3d> base_orientation;
+  bool posture_must_converge = false;  ///< done only when the posture moves no more
+};
+
+struct MotionResult {
+  bool reached = false;
+  std::string reason;               ///< why not
+  std::vector<Configuration> path;  ///< first entry: where it started
+};
+
+class Steering {
+ public:
+  Steering(const RobotModel& model, const Clearance& clearance, const PlannerSettings& settings)
+      : model_(model), settings_(settings), ik_(model, clearance, settings.ik) {}
+
+  [[nodiscard]] MotionResult move(const Configuration& start, const MotionGoal& goal);
+
+ private:
+  struct Progress;
+  [[nodiscard]] TaskStack stack_for(const Configuration& x, const MotionGoal& goal,
+                                    Progress& progress) const;
+  [[nodiscard]] Task swing_tasks(const MotionGoal& goal, Progress& progress, Task& places) const;
+
+  const RobotModel& model_;
+  const PlannerSettings& settings_;
+  PostureIk ik_;
+  RobotData data_;
+};
+
+}  // namespace clamber

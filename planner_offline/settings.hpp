@@ -1,0 +1,55 @@
+// The planner's parameters: the paper's values as defaults, and what goes beyond the paper.
+// Plain data; read from configs/planner/default.yaml (settings_file.hpp).
+#pragma once
+
+#include "planner_offline/certify/contact_forces.hpp"
+#include "planner_offline/clearance/clearance.hpp"
+#include "planner_offline/ik/posture_ik.hpp"
+
+namespace clamber {
+
+/// Reference optimisation, paper IV-C.
+struct ReferenceSettings {
+  double w1 = 0.1;              ///< weight of the reach term in its phase, Eq. (10)
+  double w2 = 0.1;              ///< weight of the support term in its phase
+  double step = 2.0;            ///< alpha, Eq. (11)
+  double ik_error = 0.01;       ///< m, IK_error that ends the first phase
+  int most_iterations = 300;    ///< per posture, both phases (paper: over 300)
+  double theta_max_deg = 35.0;  ///< Eq. (8): 0..35 degrees can support
+  double surface_margin = 0.045;  ///< m, bounds b: contacts stay this far inside the surface's edges
+  double relief_share = 0.75;   ///< torque relief stops at about this share of the limit
+  int relief_iterations = 60;
+  bool posture_has_priority = false;  ///< true: Eq. (6), posture with the tasks; false: Eq. (7)
+};
+
+/// Search for intermediate postures, paper IV-D.
+struct SearchSettings {
+  std::size_t most_candidates = 400;     ///< ways of making moves tried in all before giving up
+  int most_steps = 400;           ///< inverse-kinematics steps of one motion before it is given up
+  double support_margin = 0.015;  ///< m, CoM inside the support region
+  double wanted_margin = 0.04;    ///< m, aimed at when weight is shifted
+  double swing_height = 0.05;     ///< m above obstacle or start, first candidate
+  double swing_step = 0.008;      ///< m, reference point per step
+  double posture_step = 0.03;     ///< rad per step towards the posture hint
+  double com_step = 0.006;        ///< m per step
+};
+
+/// Timing of the plan.
+struct TimingSettings {
+  double joint_speed = 0.6;   ///< rad/s, fastest joint
+  double com_speed = 0.08;    ///< m/s
+  double knot_spacing = 0.1;  ///< s between keyframes
+  double load_time = 0.8;     ///< s to move weight onto or off a contact
+  double settle_time = 0.5;   ///< s before the first motion
+};
+
+struct PlannerSettings {
+  IkSettings ik;
+  ClearanceSettings clearance;
+  ForceSettings forces;
+  ReferenceSettings references;
+  SearchSettings search;
+  TimingSettings timing;
+};
+
+}  // namespace clamber
