@@ -16,15 +16,16 @@ struct ReferenceSettings {
   double ik_error = 0.01;       ///< m, IK_error that ends the first phase
   int most_iterations = 300;    ///< per posture, both phases (paper: over 300)
   double theta_max_deg = 35.0;  ///< Eq. (8): 0..35 degrees can support
-  double surface_margin = 0.045;  ///< m, bounds b: contacts stay this far inside the surface's edges
-  double relief_share = 0.75;   ///< torque relief stops at about this share of the limit
+  double surface_margin =
+      0.045;                   ///< m, bounds b: contacts stay this far inside the surface's edges
+  double relief_share = 0.75;  ///< torque relief stops at about this share of the limit
   int relief_iterations = 60;
   bool posture_has_priority = false;  ///< true: Eq. (6), posture with the tasks; false: Eq. (7)
 };
 
 /// Search for intermediate postures, paper IV-D.
 struct SearchSettings {
-  std::size_t most_candidates = 400;     ///< ways of making moves tried in all before giving up
+  std::size_t most_candidates = 400;  ///< ways of making moves tried in all before giving up
   int most_steps = 400;           ///< inverse-kinematics steps of one motion before it is given up
   double support_margin = 0.015;  ///< m, CoM inside the support region
   double wanted_margin = 0.04;    ///< m, aimed at when weight is shifted
@@ -40,10 +41,10 @@ struct TimingSettings {
   double com_speed = 0.08;    ///< m/s
   double knot_spacing = 0.1;  ///< s between keyframes
   double load_time = 0.8;     ///< s to move weight onto or off a contact
-  double settle_time = 0.5;   ///< s before the first motion
 };
 
 struct PlannerSettings {
+  double friction_share = 0.6;  ///< of the scenario's friction that contact forces may count on
   IkSettings ik;
   ClearanceSettings clearance;
   ForceSettings forces;

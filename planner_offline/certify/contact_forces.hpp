@@ -10,9 +10,9 @@
 namespace clamber {
 
 struct ForceSettings {
-  double friction = 0.5;      ///< planned with less than the scenario's coefficient
-  double torque_share = 0.95; ///< share of each joint's torque limit a posture may use
-  double least_normal = 0.0;  ///< N, least normal force of each contact (0: may be idle)
+  double friction = 0.5;       ///< coefficient counted on (the planner's share of the scenario's)
+  double torque_share = 0.95;  ///< share of each joint's torque limit a posture may use
+  double least_normal = 0.0;   ///< N, least normal force of each contact (0: may be idle)
 };
 
 enum class Equilibrium {

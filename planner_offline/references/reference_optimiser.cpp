@@ -1,6 +1,7 @@
 #include "planner_offline/references/reference_optimiser.hpp"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <limits>
@@ -293,6 +294,7 @@ TouchKeyframe ReferenceOptimiser::optimise(int state, const Configuration& start
                                            const std::map<int, Eigen::Vector3d>& wanted,
                                            const std::set<int>& completes_limb, int surface,
                                            const JointVector& hint) {
+  const auto begin = std::chrono::steady_clock::now();
   TouchKeyframe keyframe;
   for (const bool from_hint : {true, false}) {
     Search search;
@@ -320,6 +322,7 @@ TouchKeyframe ReferenceOptimiser::optimise(int state, const Configuration& start
       break;
     }
   }
+  seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return keyframe;
 }
 

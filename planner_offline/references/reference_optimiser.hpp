@@ -52,6 +52,8 @@ class ReferenceOptimiser {
                                        const JointVector& hint);
 
   [[nodiscard]] const std::vector<CostSample>& log() const { return log_; }
+  /// Wall time spent in optimise() so far, s.
+  [[nodiscard]] double seconds() const { return seconds_; }
 
  private:
   struct Search;
@@ -75,6 +77,7 @@ class ReferenceOptimiser {
   PostureIk ik_;
   ContactForces forces_;
   std::vector<CostSample> log_;
+  double seconds_ = 0.0;
 };
 
 }  // namespace clamber

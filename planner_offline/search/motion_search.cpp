@@ -13,8 +13,8 @@ struct Placement {
   double forward;
   double inward;
 };
-constexpr Placement kPlacements[] = {{0.0, 0.0},   {0.0, 0.04},   {0.03, 0.0},   {0.03, 0.04},
-                                     {-0.03, 0.0}, {-0.03, 0.04}, {0.06, 0.0},   {0.06, 0.04},
+constexpr Placement kPlacements[] = {{0.0, 0.0},   {0.0, 0.04},   {0.03, 0.0}, {0.03, 0.04},
+                                     {-0.03, 0.0}, {-0.03, 0.04}, {0.06, 0.0}, {0.06, 0.04},
                                      {-0.06, 0.0}, {0.1, 0.0},    {-0.1, 0.0}};
 
 /// What to try for a move. The order is fixed: the same inputs give the same plan.
@@ -251,7 +251,8 @@ bool MotionSearch::descend(std::size_t index, const Node& node) {
         return true;
       }
       if (result_.backtracks != before) {
-        break;  // the move works and what follows does not: another way to the same place is no help
+        break;  // the move works and what follows does not: another way to the same place is no
+                // help
       }
     }
   }

@@ -1,0 +1,209 @@
+#include "planner_offline/planner.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+
+#include "planner_offline/search/motion_search.hpp"
+#include "planner_offline/search/timing.hpp"
+
+#ifndef CLAMBER_VERSION
+#define CLAMBER_VERSION "unversioned"
+#endif
+
+namespace clamber {
+namespace {
+
+class Stopwatch {
+ public:
+  [[nodiscard]] double seconds() const {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+/// Turns stretches into the plan's keyframes: times, contact forces, torques and margins.
+class PlanWriter {
+ public:
+  PlanWriter(const RobotModel& model, const Scenario& scenario, const Clearance& clearance,
+             const PlannerSettings& settings, Plan& plan)
+      : model_(model),
+        scenario_(scenario),
+        clearance_(clearance),
+        settings_(settings),
+        forces_(model, settings.forces),
+        plan_(plan) {}
+
+  void add(const Stretch& stretch);
+
+ private:
+  [[nodiscard]] ForceSolution forces_at(const Stretch& stretch, double share);
+  void add_keyframe(const Stretch& stretch, const TimedPosture& posture);
+
+  const RobotModel& model_;
+  const Scenario& scenario_;
+  const Clearance& clearance_;
+  const PlannerSettings& settings_;
+  ContactForces forces_;
+  Plan& plan_;
+  RobotData data_;
+  double begin_ = 0.0;  // s, of the stretch being written
+};
+
+/// Weight goes over linearly: every mix of two force distributions that balance one posture
+/// balances it too, and stays within cones and torque limits.
+ForceSolution PlanWriter::forces_at(const Stretch& stretch, double share) {
+  ForceSolution from = forces_.solve(data_, stretch.contacts);
+  if (stretch.kind == Stretch::Kind::kMotion) {
+    return from;
+  }
+  const ContactSet& larger = stretch.next_contacts.size() >= stretch.contacts.size()
+                                 ? stretch.next_contacts
+                                 : stretch.contacts;
+  const ForceSolution to = forces_.solve(data_, stretch.next_contacts);
+  ForceSolution mixed = from;
+  mixed.status = std::max(from.status, to.status);
+  mixed.tau = (1.0 - share) * from.tau + share * to.tau;
+  mixed.forces.assign(larger.size(), Eigen::Vector3d::Zero());
+  for (std::size_t i = 0; i < larger.size(); ++i) {
+    const auto add_share = [&](const ContactSet& contacts, const ForceSolution& solution,
+                               double weight) {
+      for (std::size_t c = 0; c < contacts.size(); ++c) {
+        if (contacts[c].link == larger[i].link) {
+          mixed.forces[i] += weight * solution.forces[c];
+        }
+      }
+    };
+    add_share(stretch.contacts, from, 1.0 - share);
+    add_share(stretch.next_contacts, to, share);
+  }
+  mixed.torque_margin = std::numeric_limits<double>::infinity();
+  for (int j = 0; j < model_.joint_count(); ++j) {
+    mixed.torque_margin =
+        std::min(mixed.torque_margin,
+                 model_.joints[static_cast<std::size_t>(j)].torque_limit - std::abs(mixed.tau[j]));
+  }
+  return mixed;
+}
+
+void PlanWriter::add_keyframe(const Stretch& stretch, const TimedPosture& posture) {
+  forward_kinematics(model_, posture.x, data_);
+  const ForceSolution forces = forces_at(stretch, posture.share);
+  Keyframe keyframe;
+  keyframe.time = begin_ + posture.time;
+  keyframe.phase = static_cast<int>(plan_.phases.size()) - 1;
+  if (forces.status != Equilibrium::kFeasible) {
+    char text[160];
+    std::snprintf(text, sizeof text, "%s at %.2f s: %s", stretch.name.c_str(), keyframe.time,
+                  forces.status == Equilibrium::kTorque
+                      ? "a joint torque exceeds its limit between the postures that were checked"
+                      : "the robot does not balance between the postures that were checked");
+    throw PlanningFailed(text);
+  }
+  keyframe.x = posture.x;
+  keyframe.tau = forces.tau;
+  keyframe.torque_margin = forces.torque_margin;
+  const bool grows = stretch.next_contacts.size() >= stretch.contacts.size();
+  const bool loads = stretch.kind == Stretch::Kind::kLoad;
+  const ContactSet& contacts = loads && grows ? stretch.next_contacts : stretch.contacts;
+  for (std::size_t i = 0; i < contacts.size(); ++i) {
+    const Contact& contact = contacts[i];
+    keyframe.contacts.push_back(
+        {model_.contacts[static_cast<std::size_t>(contact.link)].name,
+         contact.surface == kFloor
+             ? "floor"
+             : scenario_.obstacles[static_cast<std::size_t>(contact.surface)].name,
+         touch_point(model_, data_, contact.link), forces.forces[i]});
+  }
+  // While weight goes over, the smaller set is the one that has to hold.
+  const ContactSet& carrying = loads && !grows ? stretch.next_contacts : stretch.contacts;
+  keyframe.support_margin =
+      SupportRegion(contact_points(model_, data_, carrying)).margin(data_.com.head<2>());
+  const ClearanceReport clear = clearance_.report(data_, contacts, {});
+  keyframe.obstacle_clearance = clear.obstacle;
+  keyframe.self_clearance = clear.self;
+  plan_.keyframes.push_back(keyframe);
+}
+
+void PlanWriter::add(const Stretch& stretch) {
+  begin_ = plan_.keyframes.empty() ? 0.0 : plan_.keyframes.back().time;
+  plan_.phases.push_back({stretch.name, begin_});
+  for (const TimedPosture& posture : time_stretch(model_, stretch, settings_.timing)) {
+    if (posture.time > 0.0 || plan_.keyframes.empty()) {
+      add_keyframe(stretch, posture);  // a stretch begins where the one before ended
+    }
+  }
+}
+
+Plan header(const RobotModel& model, const Scenario& scenario, const ContactSequence& sequence,
+            std::vector<std::string> notes) {
+  Plan plan;
+  plan.robot = model.name;
+  plan.robot_hash = model.hash;
+  plan.scenario = scenario.name;
+  plan.scenario_hash = scenario.hash;
+  plan.recording = sequence.recording;
+  plan.synthetic_recording = sequence.synthetic;
+  plan.tool_version = CLAMBER_VERSION;
+  plan.friction = scenario.friction;
+  plan.obstacle_height = scenario.obstacles.front().top();
+  plan.ballast_mass = model.ballast_mass;
+  for (const Joint& joint : model.joints) {
+    plan.joint_names.push_back(joint.name);
+  }
+  plan.notes = std::move(notes);
+  return plan;
+}
+
+/// The robot stands for a moment before it moves.
+Stretch standing(const SearchResult& found) {
+  const Stretch& first = found.stretches.front();
+  return {"stand", Stretch::Kind::kLoad, {first.path.front()}, first.contacts, first.contacts};
+}
+
+}  // namespace
+
+PlanningResult plan_climb(const RobotModel& model, const Scenario& scenario,
+                          const ContactSequence& sequence, const PlannerSettings& settings,
+                          const PlanningProgress& progress) {
+  PlannerSettings used = settings;
+  used.forces.friction = settings.friction_share * scenario.friction;
+  std::vector<std::string> notes = sequence.notes;
+  const std::vector<Move> moves = plan_moves(model, scenario, sequence, notes);
+  const Clearance clearance(model, scenario, used.clearance);
+  ReferenceOptimiser references(model, scenario, clearance, used);
+  MotionSearch search(model, scenario, clearance, used, references);
+
+  const Stopwatch search_time;
+  const SearchResult found = search.run(start_configuration(model, scenario), moves,
+                                        [&progress](int move, int of, const std::string& what) {
+                                          progress(0.9 * move / std::max(of, 1), what);
+                                        });
+  PlanningResult result;
+  result.stages = {{"reference optimisation", references.seconds()},
+                   {"search", search_time.seconds() - references.seconds()}};
+  result.costs = references.log();
+  result.rejected = found.rejected;
+  result.candidates = found.candidates_tried;
+  result.backtracks = found.backtracks;
+  if (!found.success) {
+    throw PlanningFailed("no statically stable, torque-feasible climb of " + scenario.name +
+                         " found; the furthest attempt ended with: " + found.failure);
+  }
+  progress(0.9, "timing and torques");
+  const Stopwatch write_time;
+  result.plan = header(model, scenario, sequence, std::move(notes));
+  PlanWriter writer(model, scenario, clearance, used, result.plan);
+  writer.add(standing(found));
+  for (const Stretch& stretch : found.stretches) {
+    writer.add(stretch);
+  }
+  result.stages.emplace_back("timing and torques", write_time.seconds());
+  progress(1.0, "done");
+  return result;
+}
+
+}  // namespace clamber
