@@ -1,5 +1,6 @@
 // ODE's two steppers on a standing COMAN: processor time per step, drift and torque against the
 // direct stepper. Prints a Markdown table.
+#include <algorithm>
 #include <cstdio>
 #include <ctime>
 #include <string>
