@@ -48,9 +48,9 @@ Matrix3d pelvis_rotation(const ClimbChoreography::Trunk& x) {
 }
 
 // Table over body height for which the key poses below stay a plausible climb.
-constexpr double kLowestTable = 0.10;
-constexpr double kHighestTable = 0.27;
-constexpr double kMostReach = 0.997;  // of a limb's length at a key pose
+constexpr double kLowestTable = 0.12;
+constexpr double kHighestTable = 0.25;
+constexpr double kMostReach = 0.99;  // of a limb's length at a key pose after the standing one
 constexpr double kReachElbowFlexion = 25.0 * kDeg;
 // The swinging foot leaves the straight line backward and upward, so that the knee comes over the
 // edge before the shank does.
@@ -66,7 +66,7 @@ ClimbChoreography::ClimbChoreography(const ClimbParameters& parameters)
     : parameters_(parameters), skeleton_(parameters.body_height) {
   const double share = parameters.table_height / parameters.body_height;
   if (!(share >= kLowestTable && share <= kHighestTable)) {
-    throw std::invalid_argument("the table must be 0.10 to 0.27 of the body height");
+    throw std::invalid_argument("the table must be 0.12 to 0.25 of the body height");
   }
   place_targets();
   plan_trunk();
@@ -104,13 +104,13 @@ void ClimbChoreography::place_targets() {
     auto& target = targets_[side];
     const double out = outward(side);
     const double drop = kElbowRadius - kWristRadius;
-    const Vector3d wrist(0.635 * scale, out * 0.17 * scale, top + kWristRadius * scale);
+    const Vector3d wrist(0.600 * scale, out * 0.17 * scale, top + kWristRadius * scale);
     const double inward = 0.03 * scale;  // wrists closer together than elbows
     const double forward = std::sqrt(skeleton_.forearm * skeleton_.forearm - inward * inward -
                                      drop * drop * scale * scale);
     target.wrist = wrist;
     target.elbow = wrist + Vector3d(-forward, out * inward, drop * scale);
-    target.knee = {0.04 * scale, out * 0.10 * scale, top + kKneeRadius * scale};
+    target.knee = {0.03 * scale, out * 0.10 * scale, top + kKneeRadius * scale};
     target.ankle = {-0.04 * scale - skeleton_.toe_reach, out * 0.09 * scale,
                     skeleton_.ankle_height};
   }
@@ -131,17 +131,17 @@ void ClimbChoreography::plan_trunk() {
   moves_.clear();
   const auto key = [this](double t0, double t1, const Trunk& wish) {
     moves_.push_back({t0, t1});
-    keys_.emplace_back(t1, settle_key(wish, t1));
+    keys_.emplace_back(t1, keys_.empty() ? wish : settle_key(wish, t1));
   };
   key(0.0, 0.0, trunk(ankle + 0.02 * s, 0.0, skeleton_.hip_height - 0.004 * s, 0, 0, 0, 0, 0));
-  key(kArmStart, kWristContact, trunk(-0.22 * s, 0.0, 0.86 * s, 0, 80, 30, 0, 15));
-  key(kElbowStart, kElbowContact, trunk(-0.05 * s, 0.0, 0.87 * s + 0.5 * up, 0, 97, 22, 0, 25));
-  key(8.6, kLeftLift, trunk(0.0, -0.02 * s, 0.875 * s + 0.5 * up, 3, 96, 22, -3, 25));
+  key(kArmStart, kWristContact, trunk(-0.33 * s, 0.0, 0.84 * s, 0, 75, 45, 0, 15));
+  key(kElbowStart, kElbowContact, trunk(-0.05 * s, 0.0, 0.88 * s + 0.5 * up, 0, 97, 22, 0, 25));
+  key(8.6, kLeftLift, trunk(0.03 * s, -0.02 * s, 0.895 * s + 0.5 * up, 0, 95, 23, 0, 25));
   key(kLeftLift, kLeftKneeContact,
       trunk(0.08 * s, -0.02 * s, 0.85 * s + 0.5 * up, -10, 95, 24, 8, 25));
   key(13.8, kRightLift, trunk(0.09 * s, 0.03 * s, 0.85 * s + 0.5 * up, -10, 95, 24, 8, 25));
   key(kRightLift, kRightKneeContact, trunk(0.03 * s, 0.01 * s, 0.83 * s + up, 0, 90, 27, 0, 25));
-  key(19.0, 20.8, trunk(-0.01 * s, 0.0, 0.825 * s + up, 0, 88, 28, 0, 25));
+  key(19.0, 20.8, trunk(-0.035 * s, 0.0, 0.825 * s + up, 0, 87, 31, 0, 25));
 }
 
 Figure ClimbChoreography::trunk_figure(const Trunk& x) const {

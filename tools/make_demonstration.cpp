@@ -50,7 +50,7 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(1.2, 2.2))
       ->capture_default_str();
   app.add_option("--table-height", parameters.table_height,
-                 "table height, m (0.10 to 0.27 of the body height)")
+                 "table height, m (0.12 to 0.25 of the body height)")
       ->check(CLI::Range(0.05, 1.0))
       ->capture_default_str();
   app.add_option("--rate", rate, "frames per second, Hz")

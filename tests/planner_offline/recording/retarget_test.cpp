@@ -191,10 +191,23 @@ TEST(Retarget, AnglesAreContinuousOverTime) {
   }
 }
 
+/// Far beyond the limit the same rotation would also be reachable from the other side (+108 deg);
+/// the joint stays at the limit through which it left.
+TEST(Retarget, StaysOnItsSideBeyondALimit) {
+  std::vector<Rotations> poses;
+  for (int i = 0; i <= 200; ++i) {
+    poses.push_back(turned("RightUpperArm", -4.4 * i / 200.0, Eigen::Vector3d::UnitY()));
+  }
+  const auto robot = retarget(person(poses), coman(), config());
+  const int sag = *coman().find_joint("RShSag");
+  EXPECT_EQ(robot.frames.back().q[sag], coman().joints[static_cast<std::size_t>(sag)].lower);
+}
+
 TEST(Retarget, ReportsWhatWasClamped) {
   const auto straight = turned("RightLowerLeg", 0.0, Eigen::Vector3d::UnitY());
   const auto folded = turned("RightLowerLeg", 2.5, Eigen::Vector3d::UnitY());
-  const auto robot = retarget(person({folded, straight, folded, folded}), coman(), config());
+  const auto less = turned("RightLowerLeg", 2.2, Eigen::Vector3d::UnitY());
+  const auto robot = retarget(person({folded, straight, folded, less}), coman(), config());
   ASSERT_EQ(robot.clamped.size(), 1U);
   EXPECT_EQ(robot.clamped[0].joint, "RKneeSag");
   const int knee = *coman().find_joint("RKneeSag");
