@@ -113,10 +113,19 @@ TEST(LimbFrames, TwistOfAStraightLimbIsCarriedOn) {
         base.point[elbow] + 0.25 * (std::cos(flexion) * upper + std::sin(flexion) * side);
     motion.frames.push_back(frame);
   }
+  // Nearly straight, a bend of 12 deg in another plane is mostly noise.
+  auto noisy = motion.frames.back();
+  const Eigen::Vector3d upper =
+      (base.point[elbow] - base.point[*motion.find_point("RightArm")]).normalized();
+  const Eigen::Vector3d ahead = (Eigen::Vector3d::UnitX() - upper.x() * upper).normalized();
+  noisy.point[wrist] = base.point[elbow] + 0.25 * (std::cos(0.21) * upper + std::sin(0.21) * ahead);
+  motion.frames.push_back(noisy);
   add_segments(motion);
   const auto s = motion.segment("RightUpperArm");
-  for (const auto& frame : motion.frames) {
-    EXPECT_LT(angle_between(frame.orientation[s], motion.frames[0].orientation[s]), 1e-6);
+  for (std::size_t f = 0; f < motion.frames.size(); ++f) {
+    const double allowed = f + 1 < motion.frames.size() ? 1e-6 : 10.0;  // deg
+    EXPECT_LT(angle_between(motion.frames[f].orientation[s], motion.frames[0].orientation[s]),
+              allowed);
   }
 }
 
