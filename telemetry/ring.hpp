@@ -30,6 +30,11 @@ class FrameRing final : public FrameSink {
   /// @return frames copied, at most out.size(); 0 when the ring is empty
   [[nodiscard]] std::size_t pop(std::span<TelemetryFrame> out) noexcept;
 
+  /// Any thread; while the other side works, a figure of a moment ago.
+  [[nodiscard]] std::size_t size() const noexcept {
+    const std::size_t read = read_position_.load(std::memory_order_acquire);
+    return write_position_.load(std::memory_order_acquire) - read;
+  }
   /// Any thread.
   [[nodiscard]] std::uint64_t dropped() const noexcept {
     return dropped_.load(std::memory_order_relaxed);

@@ -1,0 +1,58 @@
+// clamber plan: contact sequence -> plan.
+#include <iostream>
+#include <memory>
+
+#include "apps/commands.hpp"
+#include "apps/config_files.hpp"
+#include "apps/steps.hpp"
+
+namespace clamber {
+namespace {
+
+struct Options {
+  std::string contacts;
+  std::string settings = "configs/planner/default.yaml";
+  PlanFiles files{.plan = "out/plan.json", .image = {}, .trajectory = {}, .costs = {}};
+  RobotOptions robot;
+  ScenarioOptions scenario;
+};
+
+void run(const Options& options) {
+  const RobotModel model = load_robot(options.robot);
+  const Scenario scenario = load_scenario(options.scenario);
+  const ContactSequence sequence = load_contacts(find_file(options.contacts), model);
+  Progress progress;
+  progress.stage("planning");
+  const PlanningResult result =
+      make_plan(model, scenario, sequence, options.settings, options.files, progress);
+  progress.stage("planned");
+  std::cout << describe(result, model) << "written:     " << options.files.plan << '\n';
+}
+
+}  // namespace
+
+void add_plan_command(CLI::App& app) {
+  auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand(
+      "plan", "Finds a statically stable, torque-feasible climb along a contact sequence");
+  command->add_option("contacts", options->contacts, "contacts.yaml")->required();
+  command->add_option("-o,--out", options->files.plan, "the plan")->capture_default_str();
+  command->add_option("--export", options->files.trajectory,
+                      "CSV at 100 Hz: base pose, joints, feed-forward torques");
+  command->add_option("--log", options->files.costs, "CSV: cost of every iteration");
+  command->add_option("--image", options->files.image, "the plan as the controller loads it");
+  command->add_option("--planner", options->settings, "the planner's settings")
+      ->capture_default_str();
+  add_robot_options(*command, options->robot);
+  add_scenario_options(*command, options->scenario);
+  command->footer(
+      "Every posture of the plan balances with its contact forces inside the friction cones and\n"
+      "its joint torques inside the limits. Exit code 1: no such climb was found, and which\n"
+      "move failed at which constraint.\n\n"
+      "Example:\n"
+      "  clamber plan contacts.yaml --scenario configs/scenarios/box_0.20.yaml \\\n"
+      "    -o plan.json --export trajectory.csv --log costs.csv");
+  command->callback([options] { run(*options); });
+}
+
+}  // namespace clamber

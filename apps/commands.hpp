@@ -1,0 +1,18 @@
+// The subcommands of `clamber`: each adds itself, its options and its callback.
+// Start-up only. Callbacks throw InputError (exit code 2), JobFailed or PlanningFailed (1).
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+namespace clamber {
+
+void add_climb_command(CLI::App& app);
+void add_import_command(CLI::App& app);
+void add_playback_command(CLI::App& app);
+void add_contacts_command(CLI::App& app);
+void add_plan_command(CLI::App& app);
+void add_run_command(CLI::App& app);
+void add_monitor_command(CLI::App& app);
+void add_report_command(CLI::App& app);
+
+}  // namespace clamber

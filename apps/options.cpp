@@ -1,0 +1,83 @@
+#include "apps/options.hpp"
+
+#include <filesystem>
+#include <fstream>
+#include <system_error>
+
+#include "apps/config_files.hpp"
+#include "planner_offline/recording/import.hpp"
+#include "planner_offline/retarget/retarget.hpp"
+#include "robot_model/loader.hpp"
+#include "robot_model/read_file.hpp"
+
+namespace clamber {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool is_motion_file(const fs::path& file) {
+  std::ifstream in(file);
+  std::string line;
+  return std::getline(in, line) && is_motion(line);
+}
+
+}  // namespace
+
+void add_robot_options(CLI::App& command, RobotOptions& options) {
+  command.add_option("--robot", options.robot, "folder of the robot, or its robot.yaml")
+      ->capture_default_str();
+  command.add_flag("--ballast", options.ballast, "apply the robot file's ballast");
+}
+
+RobotModel load_robot(const RobotOptions& options) {
+  return load_robot(find_robot(options.robot), {.ballast_scale = options.ballast ? 1.0 : 0.0});
+}
+
+void add_scenario_options(CLI::App& command, ScenarioOptions& options) {
+  command.add_option("--scenario", options.scenario, "obstacle, start pose and goal")
+      ->capture_default_str();
+  command.add_option("--height", options.height, "m, another height for the scenario's obstacle");
+}
+
+Scenario load_scenario(const ScenarioOptions& options) {
+  Scenario scenario = load_scenario(find_file(options.scenario));
+  return options.height ? with_height(std::move(scenario), *options.height) : scenario;
+}
+
+void add_recording_options(CLI::App& command, RecordingOptions& options) {
+  command.add_option("--rate", options.rate, "Hz, for .npy and .amc, which do not carry it (120)");
+  command.add_option("--skeleton", options.skeleton, ".asf file of an .amc recording");
+  command.add_option("--start", options.start, "s, where the climb starts (else it is found)");
+  command.add_option("--end", options.end, "s, where it ends");
+}
+
+RobotMotion load_motion(const std::string& file, const RecordingOptions& recording,
+                        const RobotOptions& robot, const RobotModel& model) {
+  const fs::path found = find_file(file);
+  if (is_motion_file(found)) return parse_motion(read_file(found), found.string(), model);
+  ImportOptions options{.rate = recording.rate, .skeleton = {}, .window = {}};
+  if (recording.skeleton) options.skeleton = *recording.skeleton;
+  options.window.start = recording.start;
+  options.window.end = recording.end;
+  const HumanMotion human = import_recording(found, options);
+  const RetargetConfig chains =
+      load_retarget_config(find_robot(robot.robot).parent_path() / "retarget.yaml");
+  return parse_motion(format_motion(retarget(human, model, chains), model), "motion", model);
+}
+
+void make_folder_of(const std::string& file) {
+  const fs::path folder = fs::path(file).parent_path();
+  std::error_code error;
+  if (!folder.empty()) fs::create_directories(folder, error);
+  if (error) throw InputError(folder.string() + ": cannot be made: " + error.message());
+}
+
+void write_text(const std::string& file, const std::string& text) {
+  make_folder_of(file);
+  std::ofstream out(file, std::ios::binary);
+  out << text;
+  out.close();
+  if (!out) throw InputError(file + ": cannot write");
+}
+
+}  // namespace clamber

@@ -1,0 +1,49 @@
+// Options that several subcommands share, and loading what they name.
+// Start-up only: allocates, reads files, throws InputError.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <optional>
+#include <string>
+
+#include "apps/motion_file.hpp"
+#include "planner_offline/motion.hpp"
+#include "robot_model/model.hpp"
+#include "sim_backend/scenario.hpp"
+
+namespace clamber {
+
+struct RobotOptions {
+  std::string robot = "configs/robots/coman";
+  bool ballast = false;
+};
+void add_robot_options(CLI::App& command, RobotOptions& options);
+[[nodiscard]] RobotModel load_robot(const RobotOptions& options);
+
+struct ScenarioOptions {
+  std::string scenario = "configs/scenarios/box_0.275.yaml";
+  std::optional<double> height;
+};
+void add_scenario_options(CLI::App& command, ScenarioOptions& options);
+[[nodiscard]] Scenario load_scenario(const ScenarioOptions& options);
+
+/// How to read a recording.
+struct RecordingOptions {
+  std::optional<double> rate;
+  std::optional<std::string> skeleton;
+  std::optional<double> start;
+  std::optional<double> end;
+};
+void add_recording_options(CLI::App& command, RecordingOptions& options);
+
+/// Imports the recording and maps it to the robot; reads a motion file as it is. The result is
+/// what its text in motion.csv says, to the bit, so that a step started from the file gives the
+/// same as a step started from the recording.
+[[nodiscard]] RobotMotion load_motion(const std::string& file, const RecordingOptions& recording,
+                                      const RobotOptions& robot, const RobotModel& model);
+
+/// Writes a text file, its folder made if missing. @throws InputError
+void write_text(const std::string& file, const std::string& text);
+void make_folder_of(const std::string& file);
+
+}  // namespace clamber

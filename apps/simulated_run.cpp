@@ -1,0 +1,192 @@
+#include "apps/simulated_run.hpp"
+
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <csignal>
+#include <sstream>
+#include <thread>
+
+#include "apps/controller_config.hpp"
+#include "robot_model/loader.hpp"
+#include "sim_backend/ode_bus.hpp"
+
+namespace clamber {
+namespace {
+
+// The judge looks at every so many ticks.
+constexpr std::uint64_t kJudgePeriod = 5;
+
+std::atomic<bool> interrupted{false};
+static_assert(std::atomic<bool>::is_always_lock_free);
+
+/// Turns SIGINT into a request to stop for as long as it lives.
+class InterruptGuard {
+ public:
+  InterruptGuard() : before_(std::signal(SIGINT, [](int) { interrupted = true; })) {
+    interrupted = false;
+  }
+  ~InterruptGuard() { std::signal(SIGINT, before_); }
+  InterruptGuard(const InterruptGuard&) = delete;
+  InterruptGuard& operator=(const InterruptGuard&) = delete;
+
+ private:
+  void (*before_)(int);
+};
+
+/// Ring and publisher; constructed before the run, stopped after it.
+class Telemetry {
+ public:
+  explicit Telemetry(const RobotModel& model)
+      : publisher_(config(model), description(model), ring_) {}
+
+  [[nodiscard]] FrameRing& ring() { return ring_; }
+  /// Outside the tick: waits until the publisher has made room.
+  void wait_for_room() const {
+    while (ring_.size() + 1 >= ring_.capacity())
+      std::this_thread::sleep_for(std::chrono::microseconds(200));
+  }
+  PublisherCounters finish() {
+    publisher_.stop();
+    return publisher_.counters();
+  }
+
+ private:
+  static TelemetryConfig config(const RobotModel& model) {
+    TelemetryConfig config;
+    config.robot = model.name;
+    return with_environment(config);
+  }
+  static TelemetryDescription description(const RobotModel& model) {
+    TelemetryDescription description;
+    for (const Joint& joint : model.joints) {
+      description.joint_names.push_back(joint.name);
+      description.torque_limits.push_back(joint.torque_limit);
+    }
+    for (const ContactLink& contact : model.contacts)
+      description.contact_names.push_back(contact.name);
+    return description;
+  }
+
+  FrameRing ring_;
+  Publisher publisher_;
+};
+
+void note_peak(const RobotModel& model, const TelemetryFrame& frame, SimulatedRun& run) {
+  for (std::size_t j = 0; j < frame.joint_count; ++j) {
+    if (std::abs(frame.tau_meas[j]) <= run.peak_torque) continue;
+    run.peak_torque = std::abs(frame.tau_meas[j]);
+    run.peak_joint = model.joints[j].name;
+  }
+}
+
+std::string joined(const std::vector<std::string>& names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : " ") + name;
+  return text.empty() ? "none" : text;
+}
+
+/// What the judge minds, in one line.
+std::string objections(const ClimbVerdict& verdict) {
+  std::ostringstream out;
+  out.precision(3);
+  const auto list = [&](const char* what, const std::vector<std::string>& names) {
+    if (!names.empty()) out << (out.tellp() > 0 ? "; " : "") << what << ' ' << joined(names);
+  };
+  list("not on the obstacle:", verdict.missing_contacts);
+  list("on the floor:", verdict.floor_contacts);
+  list("must not carry:", verdict.forbidden_contacts);
+  list("loaded on a side:", verdict.side_contacts);
+  out << (out.tellp() > 0 ? "; " : "") << "weight on the obstacle "
+      << 100.0 * verdict.weight_on_obstacle << " %; speed at rest " << verdict.rest_speed << " m/s";
+  return out.str();
+}
+
+}  // namespace
+
+bool SimulatedRun::success() const {
+  return execution.status == TickStatus::kFinished && execution.bus != BusStatus::kDown &&
+         verdict.success;
+}
+
+double SimulatedRun::real_time_factor() const {
+  return execution.wall_time > 0.0 ? execution.duration / execution.wall_time : 0.0;
+}
+
+std::string SimulatedRun::failure(const RobotModel& model) const {
+  if (success()) return {};
+  if (execution.stopped) return "interrupted";
+  if (execution.bus == BusStatus::kDown) return "the motor bus went down";
+  if (execution.status == TickStatus::kFault) {
+    const std::string joint = execution.fault_joint < model.joints.size()
+                                  ? " at " + model.joints[execution.fault_joint].name
+                                  : "";
+    return std::string("the controller gave up: ") + to_string(execution.fault) + joint + "; " +
+           objections(verdict);
+  }
+  return objections(verdict);
+}
+
+SimulatedRun run_in_simulation(const RobotModel& model, const Scenario& scenario,
+                               const std::vector<std::byte>& image,
+                               const SimulatedRunOptions& options) {
+  Controller controller;
+  const std::size_t keyframes = image.size() / sizeof(ImageKeyframe);
+  std::vector<double> workspace(Controller::workspace_size(keyframes));
+  const LoadReport loaded = controller.load(options.control, model.hash, image, workspace);
+  if (loaded.status != LoadStatus::kOk)
+    throw InputError("the controller refuses the plan: " + describe(loaded, model));
+
+  OdeOptions ode;
+  ode.step = options.control.dt;
+  OdeWorld world(model, scenario, options.start.value_or(start_configuration(model, scenario)),
+                 ode);
+  OdeBus bus(world);
+  ClimbJudge judge(model, scenario);
+  std::optional<RunLogWriter> log;
+  if (!options.log.empty())
+    log.emplace(options.log, make_run_log_header(model, options.plan_sha256, options.control.dt),
+                log_capacity(controller, options.realtime));
+  std::optional<Telemetry> telemetry;
+  if (options.dds) telemetry.emplace(model);
+
+  SimulatedRun run;
+  ExecutorOptions execution{.realtime = options.realtime, .stop = &interrupted};
+  execution.log = log ? &*log : nullptr;
+  if (telemetry) execution.sinks.push_back(&telemetry->ring());
+  execution.observe = [&](TelemetryFrame& frame) {
+    read_truth(world, frame);
+    note_peak(model, frame, run);
+    if (frame.sequence % kJudgePeriod == 0)
+      judge.push(world.time(), world.contacts(), world.velocity());
+    if (telemetry && !options.realtime) telemetry->wait_for_room();
+  };
+  {
+    const InterruptGuard guard;
+    run.execution = execute(controller, bus, execution);
+  }
+  if (telemetry) run.telemetry = telemetry->finish();
+  run.verdict = judge.verdict();
+  return run;
+}
+
+std::string describe(const SimulatedRun& run, const RobotModel& model) {
+  std::ostringstream out;
+  out.precision(3);
+  const ExecutorReport& execution = run.execution;
+  out << "run:         " << to_string(execution.status) << " after " << execution.ticks
+      << " ticks, " << run.real_time_factor() << " times real time\n";
+  if (execution.overruns > 0)
+    out << "late:        " << execution.overruns << " ticks, " << execution.skipped
+        << " grid points lost, worst wake-up " << 1e3 * execution.worst_wakeup << " ms\n";
+  out << "peak torque: " << run.peak_torque << " N m (" << run.peak_joint << ")\n";
+  out << "on top:      " << joined(run.verdict.final_contacts) << ", "
+      << 100.0 * run.verdict.weight_on_obstacle << " % of the weight\n";
+  if (run.telemetry)
+    out << "telemetry:   " << run.telemetry->frames << " frames published, "
+        << run.telemetry->ring_drops << " dropped, " << run.telemetry->refused << " refused\n";
+  out << "judge:       " << (run.success() ? "success" : "failure: " + run.failure(model)) << '\n';
+  return out.str();
+}
+
+}  // namespace clamber

@@ -1,0 +1,189 @@
+#include "apps/steps.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+
+#include "apps/config_files.hpp"
+#include "apps/controller_config.hpp"
+#include "apps/playback_plan.hpp"
+#include "planner_offline/contacts/contact_table.hpp"
+#include "planner_offline/plan_image.hpp"
+#include "planner_offline/settings_file.hpp"
+#include "report/peaks.hpp"
+#include "robot_model/loader.hpp"
+#include "robot_model/sha256.hpp"
+#include "robot_model/yaml_reader.hpp"
+
+namespace clamber {
+namespace {
+
+template <typename... Values>
+std::string line(const char* format, Values... values) {
+  std::array<char, 256> text{};
+  std::snprintf(text.data(), text.size(), format, values...);
+  return text.data();
+}
+
+/// Refuses a plan that was not made for what it shall be executed on.
+void check_made_for(const Plan& plan, const std::string& file, const RobotModel& model,
+                    const Scenario& scenario) {
+  const auto refuse = [&](const std::string& what, const std::string& made_for,
+                          const std::string& given) {
+    throw InputError(file + ": made for another " + what + ": " + made_for + ", not " + given);
+  };
+  const auto named = [](const std::string& name, const std::string& hash) {
+    return "'" + name + "' (" + hash.substr(0, 12) + ")";
+  };
+  if (plan.robot_hash != model.hash)
+    refuse("robot", named(plan.robot, plan.robot_hash), named(model.name, model.hash));
+  if (plan.scenario_hash != scenario.hash)
+    refuse("scenario", named(plan.scenario, plan.scenario_hash),
+           named(scenario.name, scenario.hash));
+}
+
+/// Only the simulation stands behind the bus so far.
+void check_backend(const std::string& hal_file) {
+  const YamlNode root = YamlNode::load(find_file(hal_file));
+  root.allow_only({"hal"});
+  const YamlNode hal = root.at("hal");
+  hal.allow_only({"backend"});
+  const YamlNode backend = hal.at("backend");
+  if (backend.text() == "socketcan") backend.fail("socketcan is not built yet, expected ode");
+  if (backend.text() != "ode") backend.fail("expected ode or socketcan, found " + backend.text());
+}
+
+void save_costs(const std::vector<CostSample>& costs, const std::string& file) {
+  std::string text = "state,phase,iteration,cost,ik_error_m\n";
+  for (const CostSample& c : costs)
+    text += line("%d,%d,%d,%.9g,%.9g\n", c.state, c.phase, c.iteration, c.cost, c.ik_error);
+  write_text(file, text);
+}
+
+}  // namespace
+
+std::string clamp_table(const RobotMotion& motion) {
+  if (motion.clamped.empty()) return "no joint had to be clamped to its limits\n";
+  std::string out = "clamped to the joint limits:\n  joint         worst (deg)  frames (%)\n";
+  for (const RobotMotion::ClampReport& clamp : motion.clamped)
+    out += line("  %-12s %12.1f %11.1f\n", clamp.joint.c_str(), clamp.worst * 180.0 / M_PI,
+                100.0 * clamp.share);
+  return out;
+}
+
+std::string contact_tables(const ContactSequence& sequence) {
+  std::string out = "contact states, (brackets): on the floor\n" + contact_table(sequence.states) +
+                    "\nwith absolute stability only\n" + contact_table(sequence.reduced);
+  for (const std::string& note : sequence.notes) out += "note: " + note + '\n';
+  return out;
+}
+
+SimulatedRun run_playback(const RobotModel& model, const RobotMotion& motion,
+                          const Scenario& scenario, const std::string& control,
+                          const std::string& log) {
+  SimulatedRunOptions options;
+  options.control = load_controller_config(find_file(control), model);
+  options.start = playback_start(motion, scenario);
+  options.log = log;
+  options.plan_sha256 = sha256_hex(format_motion(motion, model));
+  make_folder_of(log);
+  return run_in_simulation(model, scenario, plan_to_image(playback_plan(model, motion, scenario)),
+                           options);
+}
+
+std::string overload_table(const RobotModel& model, const std::string& log) {
+  RunData run;
+  run.model = model;
+  run.frames = load_run_log(log).frames;
+  std::vector<std::pair<double, std::string>> lines;
+  const std::vector<TorquePeak> peaks = torque_peaks(run);
+  for (std::size_t j = 0; j < peaks.size(); ++j) {
+    const double limit = model.joints[j].torque_limit;
+    if (peaks[j].value > limit)
+      lines.emplace_back(limit - peaks[j].value,
+                         line("  %-12s %8.1f %8.1f %8.2f\n", peaks[j].joint.c_str(), peaks[j].value,
+                              limit, peaks[j].time));
+  }
+  if (lines.empty()) return "no joint went over its torque limit\n";
+  std::sort(lines.begin(), lines.end());
+  std::string out = "over the torque limit:\n  joint        peak(Nm)    limit  time (s)\n";
+  for (const auto& [margin, text] : lines) out += text;
+  return out;
+}
+
+PlanningResult make_plan(const RobotModel& model, const Scenario& scenario,
+                         const ContactSequence& sequence, const std::string& settings,
+                         const PlanFiles& files, Progress& progress) {
+  PlanningResult result =
+      plan_climb(model, scenario, sequence, load_planner_settings(find_file(settings)),
+                 [&](double share, const std::string& what) { progress.update(share, what); });
+  progress.clear();
+  for (const std::string& file : {files.plan, files.image, files.trajectory, files.costs})
+    make_folder_of(file);
+  if (!files.plan.empty()) save_plan(result.plan, files.plan);
+  if (!files.image.empty()) save_plan_image(plan_to_image(result.plan), files.image);
+  if (!files.trajectory.empty()) export_trajectory(result.plan, files.trajectory);
+  if (!files.costs.empty()) save_costs(result.costs, files.costs);
+  return result;
+}
+
+std::string describe(const PlanningResult& result, const RobotModel& model) {
+  const Plan& plan = result.plan;
+  double peak = 0.0;
+  double support = std::numeric_limits<double>::infinity();
+  double clearance = support;
+  std::string joint;
+  for (const Keyframe& keyframe : plan.keyframes) {
+    Eigen::Index at = 0;
+    const double largest = keyframe.tau.cwiseAbs().maxCoeff(&at);
+    if (largest > peak) {
+      peak = largest;
+      joint = model.joints[static_cast<std::size_t>(at)].name;
+    }
+    support = std::min(support, keyframe.support_margin);
+    clearance = std::min({clearance, keyframe.obstacle_clearance, keyframe.self_clearance});
+  }
+  std::string out = line("plan:        %zu keyframes, %zu phases, %.1f s\n", plan.keyframes.size(),
+                         plan.phases.size(), plan.keyframes.back().time);
+  out += line("search:      %zu candidates, %zu given up, %zu backtracks\n", result.candidates,
+              result.rejected.size(), result.backtracks);
+  out += line("torque:      %.1f N m at most (%s)\n", peak, joint.c_str());
+  out += line("margins:     support %.1f mm, clearance %.1f mm\n", 1e3 * support, 1e3 * clearance);
+  for (const std::string& note : plan.notes) out += "note: " + note + '\n';
+  return out;
+}
+
+void add_execution_options(CLI::App& command, ExecutionOptions& options) {
+  command.add_option("--control", options.control, "the controller's settings")
+      ->capture_default_str();
+  command.add_option("--hal-config", options.hal, "what stands behind the motor bus")
+      ->capture_default_str();
+  command
+      .add_option("--feed-forward", options.feed_forward,
+                  "plan: the plan's torques are added to the PID; none: PID alone")
+      ->check(CLI::IsMember({"plan", "none"}));
+  command.add_flag("--realtime", options.realtime, "paced by the clock, not as fast as possible");
+  command.add_flag("--dds,!--no-dds", options.dds, "telemetry over DDS (on)");
+}
+
+SimulatedRun run_plan(const RobotModel& model, const Scenario& scenario,
+                      const std::string& plan_file, const ExecutionOptions& options,
+                      const std::string& log) {
+  check_backend(options.hal);
+  const Plan plan = load_plan(plan_file);
+  check_made_for(plan, plan_file, model, scenario);
+  SimulatedRunOptions run;
+  run.control = load_controller_config(find_file(options.control), model);
+  if (options.feed_forward)
+    run.control.feed_forward =
+        *options.feed_forward == "plan" ? FeedForward::kPlan : FeedForward::kNone;
+  run.log = log;
+  run.plan_sha256 = sha256_file(plan_file);
+  run.realtime = options.realtime;
+  run.dds = options.dds;
+  if (!log.empty()) make_folder_of(log);
+  return run_in_simulation(model, scenario, plan_to_image(plan), run);
+}
+
+}  // namespace clamber

@@ -1,0 +1,58 @@
+// The steps of a climb, as `clamber climb` and the single commands both do them.
+// One thread; allocates; reads and writes files; throws InputError, PlanningFailed.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apps/options.hpp"
+#include "apps/progress.hpp"
+#include "apps/simulated_run.hpp"
+#include "planner_offline/contacts/contact_sequence.hpp"
+#include "planner_offline/planner.hpp"
+
+namespace clamber {
+
+/// Per joint what the mapping had to clamp, as a table.
+[[nodiscard]] std::string clamp_table(const RobotMotion& motion);
+
+/// Full and reduced contact table and the notes.
+[[nodiscard]] std::string contact_tables(const ContactSequence& sequence);
+
+/// Runs the direct playback (configs/control/playback.yaml) and writes its log.
+[[nodiscard]] SimulatedRun run_playback(const RobotModel& model, const RobotMotion& motion,
+                                        const Scenario& scenario, const std::string& control,
+                                        const std::string& log);
+/// Joints whose torque went over their plan limit in the logged run, worst first, as a table.
+[[nodiscard]] std::string overload_table(const RobotModel& model, const std::string& log);
+
+/// Where the planner's results go; empty: nowhere.
+struct PlanFiles {
+  std::string plan;
+  std::string image;
+  std::string trajectory;
+  std::string costs;
+};
+[[nodiscard]] PlanningResult make_plan(const RobotModel& model, const Scenario& scenario,
+                                       const ContactSequence& sequence, const std::string& settings,
+                                       const PlanFiles& files, Progress& progress);
+/// Keyframes, duration, torques and margins of a plan, as lines.
+[[nodiscard]] std::string describe(const PlanningResult& result, const RobotModel& model);
+
+/// What `clamber run` and `clamber climb` let one choose.
+struct ExecutionOptions {
+  std::string control = "configs/control/default.yaml";
+  std::string hal = "configs/hal/ode.yaml";
+  std::optional<std::string> feed_forward;  ///< plan or none; nothing: as in `control`
+  bool realtime = false;
+  bool dds = true;
+};
+void add_execution_options(CLI::App& command, ExecutionOptions& options);
+
+/// Executes the plan file. @throws InputError also when it was made for another robot or scenario
+[[nodiscard]] SimulatedRun run_plan(const RobotModel& model, const Scenario& scenario,
+                                    const std::string& plan_file, const ExecutionOptions& options,
+                                    const std::string& log);
+
+}  // namespace clamber
