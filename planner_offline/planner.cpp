@@ -122,7 +122,7 @@ void PlanWriter::add_keyframe(const Stretch& stretch, const TimedPosture& postur
   const ContactSet& carrying = loads && !grows ? stretch.next_contacts : stretch.contacts;
   keyframe.support_margin =
       SupportRegion(contact_points(model_, data_, carrying)).margin(data_.com.head<2>());
-  const ClearanceReport clear = clearance_.report(data_, contacts, {});
+  const ClearanceReport clear = clearance_.report(data_, contacts, stretch.landing);
   keyframe.obstacle_clearance = clear.obstacle;
   keyframe.self_clearance = clear.self;
   plan_.keyframes.push_back(keyframe);
@@ -161,7 +161,8 @@ Plan header(const RobotModel& model, const Scenario& scenario, const ContactSequ
 /// The robot stands for a moment before it moves.
 Stretch standing(const SearchResult& found) {
   const Stretch& first = found.stretches.front();
-  return {"stand", Stretch::Kind::kLoad, {first.path.front()}, first.contacts, first.contacts};
+  return {"stand", Stretch::Kind::kLoad, {first.path.front()}, first.contacts, first.contacts,
+          {}};
 }
 
 }  // namespace

@@ -20,6 +20,7 @@ void friction_rows(Eigen::Index point, double mu, Eigen::MatrixXd& C) {
 
 void ContactForces::gather_points(const RobotData& data, const ContactSet& contacts) {
   contact_of_point_.clear();
+  is_point_.clear();
   std::vector<Jacobian3> blocks;
   for (std::size_t c = 0; c < contacts.size(); ++c) {
     const int body = model_.contacts[static_cast<std::size_t>(contacts[c].link)].body;
@@ -27,6 +28,7 @@ void ContactForces::gather_points(const RobotData& data, const ContactSet& conta
       blocks.emplace_back();
       point_jacobian(model_, data, body, p, blocks.back());
       contact_of_point_.push_back(static_cast<int>(c));
+      is_point_.push_back(contacts[c].mode == ContactMode::kPoint);
     }
   }
   J_.resize(3 * static_cast<Eigen::Index>(blocks.size()), model_.velocity_count());
@@ -35,7 +37,7 @@ void ContactForces::gather_points(const RobotData& data, const ContactSet& conta
   }
 }
 
-bool ContactForces::solve_program(const VelocityVector& g, double torque_share,
+bool ContactForces::solve_program(const VelocityVector& g, double torque_share, double least_normal,
                                   Eigen::VectorXd& f) {
   const int n = model_.joint_count();
   const Eigen::Index variables = J_.rows(), points = variables / 3;
@@ -69,7 +71,7 @@ bool ContactForces::solve_program(const VelocityVector& g, double torque_share,
   qp.lower = Eigen::VectorXd::Constant(variables, -std::numeric_limits<double>::infinity());
   qp.upper = Eigen::VectorXd::Constant(variables, std::numeric_limits<double>::infinity());
   for (Eigen::Index p = 0; p < points; ++p) {
-    qp.lower[3 * p + 2] = settings_.least_normal;
+    qp.lower[3 * p + 2] = is_point_[static_cast<std::size_t>(p)] ? least_normal : 0.0;
   }
   if (qp_.solve(qp) != QpStatus::optimal) {
     return false;
@@ -86,9 +88,10 @@ ForceSolution ContactForces::solve(const RobotData& data, const ContactSet& cont
   VelocityVector g;
   gravity_torque(model_, data, g);
   Eigen::VectorXd f;
-  if (solve_program(g, settings_.torque_share, f)) {
+  if (solve_program(g, settings_.torque_share, settings_.least_normal, f) ||
+      solve_program(g, settings_.torque_share, 0.0, f)) {
     solution.status = Equilibrium::kFeasible;
-  } else if (solve_program(g, std::numeric_limits<double>::infinity(), f)) {
+  } else if (solve_program(g, std::numeric_limits<double>::infinity(), 0.0, f)) {
     solution.status = Equilibrium::kTorque;
   } else {
     solution.tau = JointVector::Zero(n);

@@ -43,7 +43,7 @@ class ContactForces {
 
  private:
   [[nodiscard]] bool solve_program(const VelocityVector& g, double torque_share,
-                                   Eigen::VectorXd& f);
+                                   double least_normal, Eigen::VectorXd& f);
   void gather_points(const RobotData& data, const ContactSet& contacts);
 
   const RobotModel& model_;
@@ -51,6 +51,7 @@ class ContactForces {
   DenseQp qp_;
   Eigen::MatrixXd J_;  // 3 m x nv, all contact points
   std::vector<int> contact_of_point_;
+  std::vector<bool> is_point_;  // of a point contact, not a patch's corner
 };
 
 }  // namespace clamber

@@ -182,6 +182,10 @@ ClearanceReport Clearance::report(const RobotData& data, const ContactSet& conta
       }
       continue;
     }
+    const int own_link = contact_of_geom_[static_cast<std::size_t>(near.geom_a)];
+    if (std::find(landing.begin(), landing.end(), own_link) != landing.end()) {
+      continue;  // on its way to touch
+    }
     report.obstacle = std::min(report.obstacle, near.distance.value);
     if (near.distance.value - near.margin < report.obstacle_excess) {
       report.obstacle_excess = near.distance.value - near.margin;

@@ -91,6 +91,11 @@ Task contact_task(const RobotModel& model, const RobotData& data, const Contact&
   return task;
 }
 
+bool only_patches(const RobotModel& model, const ContactSet& contacts) {
+  return std::all_of(contacts.begin(), contacts.end(),
+                     [&](const Contact& c) { return link_of(model, c.link).is_patch; });
+}
+
 bool holds(const ContactSet& contacts, int link) {
   return std::any_of(contacts.begin(), contacts.end(),
                      [link](const Contact& c) { return c.link == link; });
@@ -100,6 +105,18 @@ bool holds_limb(const RobotModel& model, const ContactSet& contacts, int link) {
   return std::any_of(contacts.begin(), contacts.end(), [&](const Contact& c) {
     return c.link != link && link_of(model, c.link).limb == link_of(model, link).limb;
   });
+}
+
+void press_outer_contacts(const RobotModel& model, const Scenario& scenario, double depth,
+                          ContactSet& contacts) {
+  for (Contact& contact : contacts) {
+    const ContactLink& link = link_of(model, contact.link);
+    const bool outer = std::any_of(contacts.begin(), contacts.end(), [&](const Contact& other) {
+      const ContactLink& inner = link_of(model, other.link);
+      return inner.limb == link.limb && inner.support_length < link.support_length;
+    });
+    contact.height = surface_height(scenario, contact.surface) - (outer ? depth : 0.0);
+  }
 }
 
 ContactSet without(const ContactSet& contacts, const std::vector<int>& links) {

@@ -23,7 +23,7 @@ struct Contact {
   int link = 0;          ///< index into RobotModel::contacts
   int surface = kFloor;  ///< kFloor or index into Scenario::obstacles
   ContactMode mode = ContactMode::kPoint;
-  double height = 0.0;  ///< of the surface, m
+  double height = 0.0;  ///< where the contact is sought: the surface, less what it is pressed in, m
   Pose anchor;          ///< patch and toe: the body's pose when it was placed
 };
 
@@ -51,7 +51,15 @@ using ContactSet = std::vector<Contact>;
 /// Lowest point of a contact link's sphere, or the sole's centre: what touches the surface.
 [[nodiscard]] Eigen::Vector3d touch_point(const RobotModel& model, const RobotData& data, int link);
 
+/// True when only patches (feet) carry.
+[[nodiscard]] bool only_patches(const RobotModel& model, const ContactSet& contacts);
+
 [[nodiscard]] bool holds(const ContactSet& contacts, int link);
+/// Presses the outer contact of every limb that rests on two (wrist and elbow) `depth` below its
+/// surface: the joints' compliance then loads it, whatever millimetre the inner one gives.
+void press_outer_contacts(const RobotModel& model, const Scenario& scenario, double depth,
+                          ContactSet& contacts);
+
 /// Whether another contact of the same limb is held.
 [[nodiscard]] bool holds_limb(const RobotModel& model, const ContactSet& contacts, int link);
 [[nodiscard]] ContactSet without(const ContactSet& contacts, const std::vector<int>& links);

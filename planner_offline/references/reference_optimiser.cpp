@@ -41,7 +41,8 @@ ReferenceOptimiser::ReferenceOptimiser(const RobotModel& model, const Scenario& 
       settings_(settings),
       clearance_(clearance),
       ik_(model, clearance, settings.ik),
-      forces_(model, settings.forces) {}
+      forces_(model, settings.forces),
+      relief_(model, settings.forces) {}
 
 Eigen::Vector3d ReferenceOptimiser::bounded(const Eigen::Vector3d& p, int surface) const {
   const ObstacleBox& box = scenario_.obstacles[static_cast<std::size_t>(surface)];
@@ -95,7 +96,9 @@ double ReferenceOptimiser::solve_posture(Search& search, int iterations, bool co
   for (int i = 0; i < iterations; ++i) {
     const SupportRegion region(contact_points(model_, search.data, search.supports));
     constraints.region = &region;
-    constraints.region_margin = settings_.search.support_margin;
+    constraints.region_margin = only_patches(model_, search.supports)
+                                    ? settings_.search.free_margin
+                                    : settings_.search.support_margin;
     Task held = empty_task(model_);
     for (const Contact& contact : search.supports) {
       held = held + contact_task(model_, search.data, contact);
@@ -190,37 +193,17 @@ void ReferenceOptimiser::support_phase(Search& search) {
   }
 }
 
-double ReferenceOptimiser::torque_cost(const Configuration& x, const ContactSet& contacts) {
-  RobotData data;
-  forward_kinematics(model_, x, data);
-  const ForceSolution solution = forces_.solve(data, contacts);
-  double cost = 0.0;
-  for (int i = 0; i < model_.joint_count(); ++i) {
-    const double load = solution.tau[i] / model_.joints[static_cast<std::size_t>(i)].torque_limit;
-    cost += load * load * load * load;  // the fourth power looks at the worst joints
-  }
-  return cost;
-}
-
 /// Beyond the paper: where the supports alone need much torque, the posture is moved down the
 /// gradient of the load, within what contacts, support and clearance leave free. The hint follows.
 void ReferenceOptimiser::relieve_torque(Search& search) {
-  const int n = model_.joint_count();
-  double cost = torque_cost(search.x, search.supports);
+  double cost = relief_.measure(search.x, search.supports);
   const double acceptable = std::pow(settings_.references.relief_share, 4);
   double step = 0.06;  // rad of the joint that moves most
   for (int i = 0; i < settings_.references.relief_iterations && cost > acceptable; ++i) {
-    constexpr double kProbe = 1e-3;
-    JointVector gradient(n);
-    for (int j = 0; j < n; ++j) {
-      Configuration probe = search.x;
-      probe.q[j] += kProbe;
-      gradient[j] = (torque_cost(probe, search.supports) - cost) / kProbe;
-    }
     const Search before = search;
-    search.hint = search.x.q - gradient * (step / std::max(gradient.cwiseAbs().maxCoeff(), 1e-12));
+    search.hint = search.x.q + relief_.direction(search.x, search.supports, cost, step);
     const double error = solve_posture(search, 3);
-    const double now = torque_cost(search.x, search.supports);
+    const double now = relief_.measure(search.x, search.supports);
     log_.push_back({search.state, 3, search.iteration++, now, error});
     if (now < cost && error < settings_.references.ik_error) {
       cost = now;

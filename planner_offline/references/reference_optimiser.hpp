@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "planner_offline/certify/torque_relief.hpp"
 #include "planner_offline/contacts/contact_sequence.hpp"
 #include "planner_offline/settings.hpp"
 
@@ -63,7 +64,6 @@ class ReferenceOptimiser {
   void relieve_torque(Search& search);
   void start_from_hint(Search& search) const;
   [[nodiscard]] TouchKeyframe finish(Search& search);
-  [[nodiscard]] double torque_cost(const Configuration& x, const ContactSet& contacts);
   [[nodiscard]] Eigen::Vector3d bounded(const Eigen::Vector3d& p, int surface) const;
   [[nodiscard]] double theta(const RobotData& data, int link) const;
   [[nodiscard]] Eigen::Vector3d support_projection(const RobotData& data, int link,
@@ -76,6 +76,7 @@ class ReferenceOptimiser {
   const Clearance& clearance_;
   PostureIk ik_;
   ContactForces forces_;
+  TorqueRelief relief_;
   std::vector<CostSample> log_;
   double seconds_ = 0.0;
 };

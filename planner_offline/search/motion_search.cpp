@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <set>
+#include <string>
 
 namespace clamber {
 namespace {
@@ -57,6 +59,11 @@ SupportRegion MotionSearch::region_of(const Configuration& x, const ContactSet& 
   RobotData data;
   forward_kinematics(model_, x, data);
   return SupportRegion(contact_points(model_, data, contacts));
+}
+
+double MotionSearch::margin_for(const ContactSet& contacts) const {
+  return only_patches(model_, contacts) ? settings_.search.free_margin
+                                        : settings_.search.support_margin;
 }
 
 std::string MotionSearch::name_of(const std::vector<int>& links) const {
@@ -122,7 +129,7 @@ std::string MotionSearch::shift_weight(const Move& move, const Candidate& candid
     }
   }
   stretches.push_back(
-      {"shift off " + name_of(move.lifts), Stretch::Kind::kMotion, moved.path, relaxed, {}});
+      {"shift off " + name_of(move.lifts), Stretch::Kind::kMotion, moved.path, relaxed, {}, {}});
   stretches.push_back({"unload " + name_of(move.lifts),
                        Stretch::Kind::kLoad,
                        {moved.path.back()},
@@ -137,7 +144,7 @@ std::string MotionSearch::swing(const Move& move, const Candidate& candidate,
                                 std::vector<Stretch>& stretches) {
   MotionGoal goal;
   goal.contacts = node.contacts;
-  goal.region_margin = settings_.search.support_margin;
+  goal.region_margin = margin_for(goal.contacts);
   RobotData data;
   forward_kinematics(model_, node.x, data);
   goal.posture = keyframe.x.q;
@@ -151,10 +158,8 @@ std::string MotionSearch::swing(const Move& move, const Candidate& candidate,
       const double side = from.y() >= data.X_WB[0].p.y() ? candidate.outward : -candidate.outward;
       path.path.push_back({std::min(from.x(), to.x()) - 0.02, from.y() + side, above});
     }
-    const bool carried = holds_limb(model_, node.contacts, link);
-    if (!carried) {
-      path.path.push_back({to.x(), to.y(), above});
-    }
+    path.path.push_back(
+        {to.x(), to.y(), holds_limb(model_, node.contacts, link) ? to.z() + 0.04 : above});
     path.path.push_back(to);
     goal.swings.push_back(path);
   }
@@ -163,15 +168,18 @@ std::string MotionSearch::swing(const Move& move, const Candidate& candidate,
   if (!moved.reached) {
     return name + ": " + moved.reason;
   }
-  stretches.push_back({name, Stretch::Kind::kMotion, moved.path, node.contacts, {}});
+  std::vector<int> touching = move.lands;
+  touching.insert(touching.end(), move.lifts.begin(), move.lifts.end());
+  stretches.push_back({name, Stretch::Kind::kMotion, moved.path, node.contacts, {}, touching});
   node.x = moved.path.back();
   forward_kinematics(model_, node.x, data);
   ContactSet with = node.contacts;
   for (const int link : move.lands) {
     with.push_back(make_contact(model_, scenario_, data, link, move.surface));
   }
+  press_outer_contacts(model_, scenario_, settings_.references.press, with);
   stretches.push_back(
-      {"load " + name_of(move.lands), Stretch::Kind::kLoad, {node.x}, node.contacts, with});
+      {"load " + name_of(move.lands), Stretch::Kind::kLoad, {node.x}, node.contacts, with, {}});
   node.contacts = with;
   return "";
 }
@@ -219,13 +227,32 @@ bool MotionSearch::try_candidate(std::size_t index, const Candidate& candidate,
   return false;
 }
 
+bool MotionSearch::is_there_already(const Move& move, const Node& node) const {
+  constexpr double kNear = 0.03;  // m, not worth lifting a contact for
+  RobotData data;
+  forward_kinematics(model_, node.x, data);
+  const ObstacleBox& box = scenario_.obstacles[static_cast<std::size_t>(move.surface)];
+  return std::all_of(move.lands.begin(), move.lands.end(), [&](int link) {
+    const Eigen::Vector3d gap =
+        from_edge_frame(box, move.references.at(link)) - touch_point(model_, data, link);
+    return gap.head<2>().norm() < kNear;
+  });
+}
+
 bool MotionSearch::descend(std::size_t index, const Node& node) {
   if (index == moves_->size()) {
     return true;
   }
   const Move& move = (*moves_)[index];
+  if (move.optional && is_there_already(move, node)) {
+    return descend(index + 1, node);
+  }
   const ContactSet supports = without(node.contacts, move.lifts);
+  const ObstacleBox& box = scenario_.obstacles[static_cast<std::size_t>(move.surface)];
   for (const Placement& placement : kPlacements) {
+    if (result_.candidates_tried >= budget_) {
+      return false;
+    }
     if (placement.inward != 0.0 && move.lands.size() != 1) {
       continue;  // a pair keeps its width: it is what the support region lives on
     }
@@ -233,9 +260,11 @@ bool MotionSearch::descend(std::size_t index, const Node& node) {
     std::map<int, Eigen::Vector3d> wanted = move.references;
     for (auto& [link, reference] : wanted) {
       reference.x() += placement.forward;
-      const double side = reference.y() - node.x.X_WB.p.y();
+      const double side = reference.y() - to_edge_frame(box, node.x.X_WB.p).y();
       reference.y() -= std::copysign(std::min(std::abs(side), placement.inward), side);
+      reference = from_edge_frame(box, reference);
     }
+    ++result_.candidates_tried;
     const TouchKeyframe keyframe = references_.optimise(
         move.state, node.x, supports, wanted, move.completes_limb, move.surface, move.hint);
     if (!keyframe.problem.empty()) {
@@ -243,9 +272,6 @@ bool MotionSearch::descend(std::size_t index, const Node& node) {
       continue;
     }
     for (const Candidate& candidate : candidates_for(move, settings_.search)) {
-      if (result_.candidates_tried >= settings_.search.most_candidates) {
-        return false;
-      }
       const std::size_t before = result_.backtracks;
       if (try_candidate(index, candidate, keyframe, node)) {
         return true;
@@ -259,21 +285,42 @@ bool MotionSearch::descend(std::size_t index, const Node& node) {
   return false;
 }
 
+/// The demonstrator's arms are not the robot's: where the contacts of limbs that never stand (arms)
+/// leave the legs no way, all of them are tried nearer and farther. m, inwards over the obstacle.
+constexpr double kArmShifts[] = {0.0, -0.06, 0.06, -0.1, -0.03, -0.14, 0.1};
+
 SearchResult MotionSearch::run(const Configuration& start, const std::vector<Move>& moves,
                                const Progress& progress) {
   result_ = {};
   furthest_ = 0;
-  moves_ = &moves;
   progress_ = progress;
   Node node{start, {}};
   RobotData data;
   forward_kinematics(model_, start, data);
+  std::set<std::string> standing_limbs;
   for (std::size_t i = 0; i < model_.contacts.size(); ++i) {
     if (model_.contacts[i].is_patch) {
       node.contacts.push_back(make_contact(model_, scenario_, data, static_cast<int>(i), kFloor));
+      standing_limbs.insert(model_.contacts[i].limb);
     }
   }
-  result_.success = descend(0, node);
+  for (const double shift : kArmShifts) {
+    std::vector<Move> shifted = moves;
+    for (Move& move : shifted) {
+      for (auto& [link, reference] : move.references) {
+        if (standing_limbs.count(model_.contacts[static_cast<std::size_t>(link)].limb) == 0) {
+          reference.x() += shift;
+        }
+      }
+    }
+    moves_ = &shifted;
+    budget_ = result_.candidates_tried + settings_.search.most_candidates;
+    result_.success = descend(0, node);
+    if (result_.success) {
+      break;
+    }
+  }
+  moves_ = nullptr;
   return result_;
 }
 

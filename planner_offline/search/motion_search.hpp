@@ -23,6 +23,7 @@ struct Stretch {
   std::vector<Configuration> path;
   ContactSet contacts;
   ContactSet next_contacts;  ///< kLoad only
+  std::vector<int> landing;  ///< kMotion: links on their way to a surface, or just off one
 };
 
 struct SearchResult {
@@ -60,6 +61,7 @@ class MotionSearch {
   [[nodiscard]] bool descend(std::size_t index, const Node& node);
   [[nodiscard]] bool try_candidate(std::size_t index, const Candidate& candidate,
                                    const TouchKeyframe& keyframe, const Node& node);
+  [[nodiscard]] bool is_there_already(const Move& move, const Node& node) const;
   void reject(std::size_t index, const std::string& why);
   [[nodiscard]] std::string shift_weight(const Move& move, const Candidate& candidate,
                                          const TouchKeyframe& keyframe, Node& node,
@@ -69,6 +71,7 @@ class MotionSearch {
                                   std::vector<Stretch>& stretches);
   [[nodiscard]] std::string check(const Stretch& stretch);
   [[nodiscard]] SupportRegion region_of(const Configuration& x, const ContactSet& contacts);
+  [[nodiscard]] double margin_for(const ContactSet& contacts) const;
   [[nodiscard]] std::string name_of(const std::vector<int>& links) const;
 
   const RobotModel& model_;
@@ -82,6 +85,7 @@ class MotionSearch {
   Progress progress_;
   SearchResult result_;
   std::size_t furthest_ = 0;
+  std::size_t budget_ = 0;  // candidates_tried at which the present attempt is given up
 };
 
 }  // namespace clamber

@@ -9,6 +9,7 @@
 namespace clamber {
 namespace {
 
+constexpr double kInsideEdge = 0.12;  // m from the front edge for contacts of our own choosing
 constexpr double kTogether = 0.6;  // s: links of a pair that touch within this time land together
 
 int link_index(const RobotModel& model, const std::string& name) {
@@ -66,6 +67,7 @@ struct Builder {
   void add_move(std::size_t state, const std::vector<ContactReference>& landing);
   void add_missing_goals();
   void mark_completing_links();
+  void insert_intermediate_supports();
 };
 
 void Builder::add_move(std::size_t state, const std::vector<ContactReference>& landing) {
@@ -75,7 +77,7 @@ void Builder::add_move(std::size_t state, const std::vector<ContactReference>& l
   for (const ContactReference& contact : landing) {
     const int link = link_index(model, contact.link);
     move.lands.push_back(link);
-    move.references[link] = from_edge_frame(scenario.obstacles.front(), contact.position);
+    move.references[link] = contact.position;
     resting.insert(link);
     // A leg cannot stand on the floor and kneel on the obstacle at once.
     for (const int other : std::set<int>(standing)) {
@@ -144,9 +146,12 @@ void Builder::add_missing_goals() {
         const ContactLink& sibling = model.contacts[static_cast<std::size_t>(landed)];
         if (sibling.limb == wanted.limb) {
           after = i;
-          // Behind its sibling by the distance between the two points of the limb.
+          // Behind its sibling by the distance between the two points of the limb, and where that
+          // would hang over the front edge, both farther in.
           const double apart = std::abs(sibling.support_length - wanted.support_length);
-          reference = moves[i].references.at(landed) - Eigen::Vector3d(apart, 0.0, 0.0);
+          Eigen::Vector3d& outer = moves[i].references.at(landed);
+          outer.x() = std::max(outer.x(), apart + kInsideEdge);
+          reference = outer - Eigen::Vector3d(apart, 0.0, 0.0);
         }
       }
     }
@@ -190,12 +195,49 @@ void Builder::mark_completing_links() {
   }
 }
 
+/// A limb that reaches out with nothing under it but the feet bends the robot farthest. It first
+/// finds support near by, under its shoulder (the intermediate support of paper IV-D), and is then
+/// set down where the recording has it, one limb at a time.
+void Builder::insert_intermediate_supports() {
+  std::set<std::string> supported;
+  for (std::size_t i = 0; i < moves.size(); ++i) {
+    const Move reach = moves[i];
+    const bool free =
+        reach.lifts.empty() && std::none_of(reach.lands.begin(), reach.lands.end(), [&](int link) {
+          return supported.count(model.contacts[static_cast<std::size_t>(link)].limb);
+        });
+    for (const int link : reach.lands) {
+      supported.insert(model.contacts[static_cast<std::size_t>(link)].limb);
+    }
+    if (!free) {
+      continue;
+    }
+    moves[i].completes_limb = {reach.lands.begin(), reach.lands.end()};
+    for (const int link : reach.lands) {
+      Move again;
+      again.state = reach.state;
+      again.lands = again.lifts = {link};
+      again.surface = reach.surface;
+      again.references[link] = reach.references.at(link);
+      again.hint = reach.hint;
+      again.optional = true;
+      moves.insert(moves.begin() + static_cast<std::ptrdiff_t>(++i), again);
+    }
+  }
+}
+
 }  // namespace
 
 Eigen::Vector3d from_edge_frame(const ObstacleBox& box, const Eigen::Vector3d& p) {
   const Eigen::AngleAxisd turn(box.yaw, Eigen::Vector3d::UnitZ());
   return box.center +
          turn * Eigen::Vector3d(p.x() - box.half_extents.x(), p.y(), p.z() + box.half_extents.z());
+}
+
+Eigen::Vector3d to_edge_frame(const ObstacleBox& box, const Eigen::Vector3d& p_W) {
+  const Eigen::AngleAxisd turn(box.yaw, Eigen::Vector3d::UnitZ());
+  const Eigen::Vector3d local = turn.inverse() * (p_W - box.center);
+  return {local.x() + box.half_extents.x(), local.y(), local.z() - box.half_extents.z()};
 }
 
 std::vector<Move> plan_moves(const RobotModel& model, const Scenario& scenario,
@@ -215,6 +257,7 @@ std::vector<Move> plan_moves(const RobotModel& model, const Scenario& scenario,
   }
   builder.add_missing_goals();
   builder.mark_completing_links();
+  builder.insert_intermediate_supports();
   return builder.moves;
 }
 

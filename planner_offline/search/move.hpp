@@ -18,10 +18,13 @@ struct Move {
   std::vector<int> lands;                     ///< links that make contact
   std::vector<int> lifts;                     ///< links that break contact first
   int surface = 0;                            ///< obstacle the links land on
-  std::map<int, Eigen::Vector3d> references;  ///< link -> X_i^o, world, m
+  std::map<int, Eigen::Vector3d> references;  ///< link -> X_i^o in the obstacle's edge frame, m
   std::set<int>
       completes_limb;  ///< links after which their limb gets no further contact in the state
-  JointVector hint;    ///< posture from the recording
+  /// A link that is set down again farther on: left out where it already is near its reference or
+  /// cannot get any nearer.
+  bool optional = false;
+  JointVector hint;  ///< posture from the recording
 };
 
 /// Orders the reduced states' new contacts as they were first touched, one limb pair at a time, and
@@ -33,5 +36,6 @@ struct Move {
 
 /// Position in the first obstacle's edge frame (contact_sequence.hpp) to the world.
 [[nodiscard]] Eigen::Vector3d from_edge_frame(const ObstacleBox& box, const Eigen::Vector3d& p);
+[[nodiscard]] Eigen::Vector3d to_edge_frame(const ObstacleBox& box, const Eigen::Vector3d& p_W);
 
 }  // namespace clamber

@@ -1,6 +1,7 @@
 #include "planner_offline/search/steering.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 
 namespace clamber {
@@ -10,15 +11,23 @@ namespace {
 struct Runner {
   std::size_t leg = 0;
   Eigen::Vector3d reference = Eigen::Vector3d::Zero();
+  int waited = 0;  // steps at a corner
 
   void advance(const std::vector<Eigen::Vector3d>& path, const Eigen::Vector3d& follower,
                double step) {
     constexpr double kLead = 0.02;      // m the reference may run ahead
-    constexpr double kArrived = 0.005;  // m, before the next leg begins
-    const bool begins_leg = leg > 0 && leg < path.size() && reference == path[leg - 1];
-    if (leg >= path.size() || (reference - follower).norm() > (begins_leg ? kArrived : kLead)) {
+    constexpr double kArrived = 0.005;  // m, wanted before the next leg begins ...
+    constexpr int kPatience = 8;        // ... for so many steps: not every corner can be reached
+    if (leg >= path.size()) {
       return;
     }
+    const bool begins_leg = leg > 0 && reference == path[leg - 1];
+    const double distance = (reference - follower).norm();
+    const bool near = distance <= kArrived || (!begins_leg && distance <= kLead);
+    if (!near && (!begins_leg || ++waited <= kPatience)) {
+      return;
+    }
+    waited = 0;
     const Eigen::Vector3d gap = path[leg] - reference;
     if (gap.norm() <= step) {
       reference = path[leg++];
@@ -77,8 +86,23 @@ Task Steering::swing_tasks(const MotionGoal& goal, Progress& progress, Task& pla
   return first;
 }
 
-TaskStack Steering::stack_for(const Configuration& x, const MotionGoal& goal,
-                              Progress& progress) const {
+/// Towards the wanted posture; the nearer the worst joint is to its torque limit, the more towards
+/// a posture that needs less.
+Eigen::VectorXd Steering::posture_error(const Configuration& x, const MotionGoal& goal) {
+  const double step = settings_.search.posture_step;
+  const Eigen::VectorXd wanted = shortened(*goal.posture - x.q, step);
+  const double measure = relief_.measure(x, goal.contacts);
+  const double load = std::pow(measure, 0.25);  // about the worst joint's share of its limit
+  const double begin = settings_.search.relief_from, full = settings_.search.relief_full;
+  const double weight = std::clamp((load - begin) / (full - begin), 0.0, 1.0);
+  if (weight == 0.0) {
+    return wanted;
+  }
+  return (1.0 - weight) * wanted +
+         weight * Eigen::VectorXd(relief_.direction(x, goal.contacts, measure, step));
+}
+
+TaskStack Steering::stack_for(const Configuration& x, const MotionGoal& goal, Progress& progress) {
   Task held = empty_task(model_);
   for (const Contact& contact : goal.contacts) {
     held = held + contact_task(model_, data_, contact);
@@ -97,7 +121,7 @@ TaskStack Steering::stack_for(const Configuration& x, const MotionGoal& goal,
   Task posture = empty_task(model_);
   if (goal.posture) {
     posture = posture_task(model_, x.q, *goal.posture, JointVector::Ones(model_.joint_count()));
-    posture.e = shortened(posture.e, settings_.search.posture_step);
+    posture.e = posture_error(x, goal);
   }
   if (goal.base_orientation) {
     Task turn = base_orientation_task(model_, data_, *goal.base_orientation);
@@ -117,7 +141,7 @@ MotionResult Steering::move(const Configuration& start, const MotionGoal& goal) 
   IkConstraints constraints;
   constraints.contacts = &goal.contacts;
   for (const Swing& swing : goal.swings) {
-    progress.runners.push_back({0, touch_point(model_, data_, swing.link)});
+    progress.runners.push_back({0, touch_point(model_, data_, swing.link), 0});
     constraints.landing.push_back(swing.link);
   }
   constraints.region_margin = goal.region_margin;
@@ -130,7 +154,7 @@ MotionResult Steering::move(const Configuration& start, const MotionGoal& goal) 
     VelocityVector dv;
     const HqpStatus status = ik_.step(x, data_, stack, constraints, dv);
     if (status != HqpStatus::optimal) {
-      result.reason = "constraints contradict each other";
+      result.reason = std::string("inverse kinematics: ") + to_string(status);
       return result;
     }
     Configuration next;

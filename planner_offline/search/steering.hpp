@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "planner_offline/certify/torque_relief.hpp"
 #include "planner_offline/settings.hpp"
 
 namespace clamber {
@@ -41,19 +42,25 @@ struct MotionResult {
 class Steering {
  public:
   Steering(const RobotModel& model, const Clearance& clearance, const PlannerSettings& settings)
-      : model_(model), settings_(settings), ik_(model, clearance, settings.ik) {}
+      : model_(model),
+        settings_(settings),
+        ik_(model, clearance, settings.ik),
+        relief_(model, settings.forces) {}
 
   [[nodiscard]] MotionResult move(const Configuration& start, const MotionGoal& goal);
 
  private:
   struct Progress;
   [[nodiscard]] TaskStack stack_for(const Configuration& x, const MotionGoal& goal,
-                                    Progress& progress) const;
+                                    Progress& progress);
   [[nodiscard]] Task swing_tasks(const MotionGoal& goal, Progress& progress, Task& places) const;
+
+  [[nodiscard]] Eigen::VectorXd posture_error(const Configuration& x, const MotionGoal& goal);
 
   const RobotModel& model_;
   const PlannerSettings& settings_;
   PostureIk ik_;
+  TorqueRelief relief_;
   RobotData data_;
 };
 
