@@ -93,7 +93,7 @@ class Climb {
     summary_.planning_stages.insert(summary_.planning_stages.end(), result.stages.begin(),
                                     result.stages.end());
     summary_.plan_sha256 = sha256_file(out_.plan());
-    std::cout << describe(result, model_) << std::flush;
+    std::cout << describe(result, model_, sequence_) << std::flush;
   }
 
   void execute() {

@@ -26,7 +26,7 @@ void run(const Options& options) {
   const PlanningResult result =
       make_plan(model, scenario, sequence, options.settings, options.files, progress);
   progress.stage("planned");
-  std::cout << describe(result, model) << "written:     " << options.files.plan << '\n';
+  std::cout << describe(result, model, sequence) << "written:     " << options.files.plan << '\n';
 }
 
 }  // namespace

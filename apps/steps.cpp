@@ -128,7 +128,8 @@ PlanningResult make_plan(const RobotModel& model, const Scenario& scenario,
   return result;
 }
 
-std::string describe(const PlanningResult& result, const RobotModel& model) {
+std::string describe(const PlanningResult& result, const RobotModel& model,
+                     const ContactSequence& sequence) {
   const Plan& plan = result.plan;
   double peak = 0.0;
   double support = std::numeric_limits<double>::infinity();
@@ -150,7 +151,9 @@ std::string describe(const PlanningResult& result, const RobotModel& model) {
               result.rejected.size(), result.backtracks);
   out += line("torque:      %.1f N m at most (%s)\n", peak, joint.c_str());
   out += line("margins:     support %.1f mm, clearance %.1f mm\n", 1e3 * support, 1e3 * clearance);
-  for (const std::string& note : plan.notes) out += "note: " + note + '\n';
+  for (const std::string& note : plan.notes)
+    if (std::find(sequence.notes.begin(), sequence.notes.end(), note) == sequence.notes.end())
+      out += "note: " + note + '\n';
   return out;
 }
 

@@ -37,8 +37,10 @@ struct PlanFiles {
 [[nodiscard]] PlanningResult make_plan(const RobotModel& model, const Scenario& scenario,
                                        const ContactSequence& sequence, const std::string& settings,
                                        const PlanFiles& files, Progress& progress);
-/// Keyframes, duration, torques and margins of a plan, as lines.
-[[nodiscard]] std::string describe(const PlanningResult& result, const RobotModel& model);
+/// Keyframes, duration, torques and margins of a plan and what the planner noted beyond the notes
+/// of its contact sequence, as lines.
+[[nodiscard]] std::string describe(const PlanningResult& result, const RobotModel& model,
+                                   const ContactSequence& sequence);
 
 /// What `clamber run` and `clamber climb` let one choose.
 struct ExecutionOptions {

@@ -108,12 +108,13 @@ void read(Section section, SearchSettings& search) {
   section.count("most_candidates", search.most_candidates);
   section.count("most_steps", search.most_steps);
   section.non_negative("support_margin", search.support_margin);
+  section.non_negative("free_margin", search.free_margin);
   section.non_negative("wanted_margin", search.wanted_margin);
   section.positive("swing_height", search.swing_height);
   section.positive("swing_step", search.swing_step);
   section.positive("posture_step", search.posture_step);
-  section.share("relief_from", search.relief_from);
-  section.share("relief_full", search.relief_full);
+  section.positive("relief_from", search.relief_from);
+  section.positive("relief_full", search.relief_full);
   section.positive("com_step", search.com_step);
   section.refuse_unknown();
 }

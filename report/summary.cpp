@@ -85,7 +85,7 @@ nlohmann::ordered_json to_json(const Summary& summary) {
 
 void print_summary(const Summary& summary, std::ostream& out) {
   const auto row = [&out](const char* name, const std::string& value) {
-    out << "  " << std::left << std::setw(26) << name << value << '\n';
+    out << "  " << std::left << std::setw(34) << name << value << '\n';
   };
   out << (summary.success ? "SUCCESS" : "FAILURE") << ": the robot "
       << (summary.success ? "is" : "is not") << " on top of the "

@@ -1,0 +1,95 @@
+// `clamber climb` on the shipped demonstration, twice: the robot arrives, within its limits, and
+// both times to the same byte.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <future>
+#include <nlohmann/json.hpp>
+
+#include "robot_model/sha256.hpp"
+#include "tests/apps/command_line.hpp"
+
+namespace clamber {
+namespace {
+
+using nlohmann::json;
+
+class ClimbEndToEnd : public testing::Test {
+ protected:
+  /// The two climbs run at the same time, each in its own folder.
+  static void SetUpTestSuite() {
+    first_ = new test::TemporaryFolder("climb_first");
+    second_ = new test::TemporaryFolder("climb_second");
+    const auto climb = [](const test::TemporaryFolder* folder) {
+      return test::clamber("climb --quick --no-dds --out climb", folder->path());
+    };
+    auto other = std::async(std::launch::async, climb, second_);
+    result_ = new test::CommandResult(climb(first_));
+    EXPECT_EQ(other.get().exit_code, 0);
+    EXPECT_EQ(result_->exit_code, 0) << result_->error;
+  }
+  static void TearDownTestSuite() {
+    delete first_;
+    delete second_;
+    delete result_;
+  }
+  static std::filesystem::path file(const char* name) { return first_->path() / "climb" / name; }
+  static std::filesystem::path again(const char* name) { return second_->path() / "climb" / name; }
+  static json summary() { return json::parse(test::text_of(file("summary.json"))); }
+
+  static test::TemporaryFolder* first_;
+  static test::TemporaryFolder* second_;
+  static test::CommandResult* result_;
+};
+test::TemporaryFolder* ClimbEndToEnd::first_ = nullptr;
+test::TemporaryFolder* ClimbEndToEnd::second_ = nullptr;
+test::CommandResult* ClimbEndToEnd::result_ = nullptr;
+
+TEST_F(ClimbEndToEnd, TheJudgeSeesTheRobotOnTop) {
+  const json s = summary();
+  EXPECT_EQ(s.at("success"), true);
+  EXPECT_THAT(s.at("judge").at("final_contacts").get<std::vector<std::string>>(),
+              testing::UnorderedElementsAre("Lwrist", "Rwrist", "Lelb", "Relb", "Lknee", "Rknee"));
+  EXPECT_TRUE(s.at("judge").at("floor_contacts").empty());
+  EXPECT_TRUE(s.at("judge").at("forbidden_contacts").empty());
+  EXPECT_GE(s.at("judge").at("weight_on_obstacle").get<double>(), 0.95);
+  EXPECT_EQ(s.at("obstacle_height_m"), 0.275);
+  EXPECT_EQ(s.at("synthetic_recording"), true);
+  EXPECT_THAT(result_->out, testing::HasSubstr("SUCCESS"));
+}
+
+TEST_F(ClimbEndToEnd, StaysWithinTheTorqueLimits) {
+  const json s = summary();
+  EXPECT_LE(s.at("peak_torque_nm").at("plan").at("value").get<double>(), 30.0);
+  EXPECT_LE(s.at("peak_torque_after_hands_nm").get<double>(), 20.0);
+  EXPECT_GT(s.at("peak_torque_nm").at("playback").at("value").get<double>(), 0.0);
+}
+
+TEST_F(ClimbEndToEnd, TwoClimbsGiveTheSameBytes) {
+  for (const char* name : {"motion.csv", "contacts.yaml", "plan.json", "plan.img", "trajectory.csv",
+                           "costs.csv", "climb.log", "playback.log"})
+    EXPECT_EQ(sha256_file(file(name)), sha256_file(again(name))) << name;
+  EXPECT_EQ(summary().at("plan_sha256"), sha256_file(file("plan.json")));
+  EXPECT_EQ(summary().at("log_sha256"), sha256_file(file("climb.log")));
+}
+
+TEST_F(ClimbEndToEnd, TheStepsOneByOneGiveTheSamePlan) {
+  const std::string folder = file("").string();
+  EXPECT_EQ(test::clamber("contacts '" + folder + "motion.csv' -o contacts.yaml", first_->path())
+                .exit_code,
+            0);
+  EXPECT_EQ(test::clamber("plan contacts.yaml -o plan.json", first_->path()).exit_code, 0);
+  EXPECT_EQ(sha256_file(first_->path() / "contacts.yaml"), sha256_file(file("contacts.yaml")));
+  EXPECT_EQ(sha256_file(first_->path() / "plan.json"), sha256_file(file("plan.json")));
+}
+
+TEST_F(ClimbEndToEnd, TheReportIsThere) {
+  const std::string page = test::text_of(file("report.html"));
+  EXPECT_THAT(page, testing::HasSubstr("climb_table_synthetic.mvnx"));
+  for (const char* stage : {"import", "playback analysis", "reference optimisation", "search",
+                            "timing and torques", "total"})
+    EXPECT_TRUE(summary().at("planning_s").contains(stage)) << stage;
+}
+
+}  // namespace
+}  // namespace clamber
