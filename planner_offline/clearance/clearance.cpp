@@ -7,7 +7,7 @@
 namespace clamber {
 namespace {
 
-constexpr double kIgnored = -1.0;  // margin of a pair that is meant to touch
+constexpr double kIgnored = -1.0;  // m, margin of a pair that is meant to touch
 
 /// A capsule's ends and a box's corners too: one witness alone would leave rotation unconstrained
 /// where an edge runs parallel to the surface.
@@ -64,16 +64,23 @@ double Clearance::environment_margin(const RobotData& data, int geom, int surfac
   const int body = model_.geoms[static_cast<std::size_t>(geom)].body;
   const int own_link = contact_of_geom_[static_cast<std::size_t>(geom)];
   double margin = settings_.obstacle;
+  int on_body = 0;  // contacts that this geom's body makes with the surface
   for (const Contact& contact : contacts) {
     if (contact.surface != surface) {
       continue;
     }
     if (contact.link == own_link) {
-      return kIgnored;
+      // A foot on its toe edge may lift its heel, not push it through the floor.
+      constexpr double kOnEdge = -1e-3;
+      return contact.mode == ContactMode::kToe ? kOnEdge : kIgnored;
     }
     if (model_.contacts[static_cast<std::size_t>(contact.link)].body == body) {
       margin = settings_.landing;
+      ++on_body;
     }
+  }
+  if (on_body >= 2) {
+    return kIgnored;  // a forearm that lies on elbow and wrist is where these two put it
   }
   for (const int link : landing) {
     const bool own = link == own_link;

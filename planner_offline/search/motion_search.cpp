@@ -23,13 +23,15 @@ constexpr Placement kPlacements[] = {{0.0, 0.0},   {0.0, 0.04},   {0.03, 0.0}, {
 std::vector<Candidate> candidates_for(const Move& move, const SearchSettings& settings) {
   std::vector<Candidate> list;
   const double less = 0.5 * (settings.wanted_margin + settings.support_margin);
-  for (const double raise : {0.0, 0.03}) {
+  struct Way {
+    double raise, outward, back;
+  };
+  for (const Way& way : {Way{0.0, 0.0, 0.02}, Way{0.0, 0.0, 0.1}, Way{0.0, 0.05, 0.06},
+                         Way{0.03, 0.0, 0.02}, Way{0.03, 0.08, 0.1}, Way{-0.03, 0.05, 0.1}}) {
     for (const double margin : {settings.wanted_margin, less}) {
-      for (const double outward : {0.0, 0.05}) {
-        if (!move.lifts.empty() || (margin != less && outward == 0.0)) {
-          // margin and way out make a difference only where a limb leaves its support
-          list.push_back({margin, settings.swing_height + raise, outward});
-        }
+      if (!move.lifts.empty() || (margin != less && way.outward == 0.0)) {
+        // margin and way out make a difference only where a limb leaves its support
+        list.push_back({margin, settings.swing_height + way.raise, way.outward, way.back});
       }
     }
   }
@@ -124,7 +126,8 @@ std::string MotionSearch::shift_weight(const Move& move, const Candidate& candid
   if (!moved.reached) {
     // Falling short is no failure as long as the contacts that stay carry with the least margin.
     forward_kinematics(model_, moved.path.back(), data);
-    if (goal.reach_region->margin(data.com.head<2>()) < settings_.search.support_margin) {
+    if (region_of(moved.path.back(), common).margin(data.com.head<2>()) <
+        settings_.search.support_margin) {
       return "weight shift before lifting " + name_of(move.lifts) + ": " + moved.reason;
     }
   }
@@ -156,7 +159,7 @@ std::string MotionSearch::swing(const Move& move, const Candidate& candidate,
     if (!move.lifts.empty()) {
       // Up beside the obstacle's face first, then over its edge.
       const double side = from.y() >= data.X_WB[0].p.y() ? candidate.outward : -candidate.outward;
-      path.path.push_back({std::min(from.x(), to.x()) - 0.02, from.y() + side, above});
+      path.path.push_back({std::min(from.x(), to.x()) - candidate.back, from.y() + side, above});
     }
     path.path.push_back(
         {to.x(), to.y(), holds_limb(model_, node.contacts, link) ? to.z() + 0.04 : above});

@@ -41,6 +41,7 @@ struct Candidate {
   double shift_margin = 0.0;  ///< m, support margin aimed at before a contact lifts
   double swing_height = 0.0;  ///< m above the surface
   double outward = 0.0;       ///< m the swing passes outside of the straight way
+  double back = 0.0;          ///< m the limb is lifted behind the straight way, off the obstacle
 };
 
 class MotionSearch {

@@ -17,17 +17,23 @@ struct Runner {
                double step) {
     constexpr double kLead = 0.02;      // m the reference may run ahead
     constexpr double kArrived = 0.005;  // m, wanted before the next leg begins ...
-    constexpr int kPatience = 8;        // ... for so many steps: not every corner can be reached
+    constexpr int kPatience = 10;       // ... for so many steps: not every corner can be reached
     if (leg >= path.size()) {
       return;
     }
     const bool begins_leg = leg > 0 && reference == path[leg - 1];
     const double distance = (reference - follower).norm();
     const bool near = distance <= kArrived || (!begins_leg && distance <= kLead);
-    if (!near && (!begins_leg || ++waited <= kPatience)) {
+    if (!near && ++waited <= kPatience) {
       return;
     }
+    if (!near && !begins_leg && !on_last_leg(path)) {
+      reference = path[leg++];  // out of reach: on to the next corner from here
+    }
     waited = 0;
+    if (at_end(path)) {
+      return;
+    }
     const Eigen::Vector3d gap = path[leg] - reference;
     if (gap.norm() <= step) {
       reference = path[leg++];
