@@ -54,8 +54,8 @@ class Climb {
 
   void import_recording() {
     planning_stage("import", [&] {
-      motion_ = load_motion(options_.recording, options_.reading, options_.inputs.robot, model_);
-      write_text(out_.motion(), format_motion(motion_, model_));
+      loaded_ = load_motion(options_.recording, options_.reading, options_.inputs.robot, model_);
+      write_text(out_.motion(), loaded_.text);
     });
     std::cout << motion_.recording << (motion_.synthetic ? " (SYNTHETIC)" : "") << ": "
               << motion_.frames.size() << " frames at " << motion_.rate << " Hz\n"
@@ -66,7 +66,7 @@ class Climb {
     SimulatedRun playback;
     stage("direct playback, without a plan", [&] {
       playback =
-          run_playback(model_, motion_, scenario_, options_.playback_control, out_.playback_log());
+          run_playback(model_, loaded_, scenario_, options_.playback_control, out_.playback_log());
     });
     summary_.playback_success = playback.success();
     std::cout << describe(playback, model_) << overload_table(model_, out_.playback_log())
@@ -147,7 +147,8 @@ class Climb {
   RobotModel model_;
   Scenario scenario_;
   Progress progress_;
-  RobotMotion motion_;
+  LoadedMotion loaded_;
+  const RobotMotion& motion_ = loaded_.motion;
   ContactSequence sequence_;
   Summary summary_;
   Json extra_ = Json::object();

@@ -20,7 +20,8 @@ struct Options {
 void run(const Options& options) {
   const RobotModel model = load_robot(options.robot);
   const Scenario scenario = load_scenario(options.scenario);
-  const RobotMotion motion = load_motion(options.motion, options.reading, options.robot, model);
+  const RobotMotion motion =
+      load_motion(options.motion, options.reading, options.robot, model).motion;
   const ContactSequence sequence = extract_contacts(model, motion, scenario, {});
   make_folder_of(options.out);
   save_contacts(sequence, options.out);

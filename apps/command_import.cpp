@@ -17,8 +17,8 @@ struct Options {
 
 void run_import(const Options& options) {
   const RobotModel model = load_robot(options.robot);
-  const RobotMotion motion = load_motion(options.recording, options.reading, options.robot, model);
-  write_text(options.out, format_motion(motion, model));
+  const auto [text, motion] = load_motion(options.recording, options.reading, options.robot, model);
+  write_text(options.out, text);
   std::cout << "recording:  " << motion.recording << (motion.synthetic ? " (SYNTHETIC)" : "")
             << "\nframes:     " << motion.frames.size() << " at " << motion.rate << " Hz, "
             << static_cast<double>(motion.frames.size() - 1) / motion.rate

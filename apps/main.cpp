@@ -40,6 +40,13 @@ void describe(CLI::App& app) {
   app.require_subcommand(1);
 }
 
+/// The parser only says that a subcommand is missing, not that it does not know the one given.
+std::string explain(const CLI::App& app, const CLI::ParseError& error, int argc, char** argv) {
+  if (argc > 1 && argv[1][0] != '-' && app.get_subcommands().empty())
+    return std::string("unknown command '") + argv[1] + "'";
+  return error.what();
+}
+
 int run(int argc, char** argv) {
   CLI::App app{"", "clamber"};
   describe(app);
@@ -56,7 +63,8 @@ int run(int argc, char** argv) {
   } catch (const CLI::Success& help) {
     return app.exit(help);
   } catch (const CLI::ParseError& error) {
-    return complain("error: ", std::string(error.what()) + " (see clamber --help)", kUnusableInput);
+    return complain("error: ", explain(app, error, argc, argv) + " (see clamber --help)",
+                    kUnusableInput);
   }
   return kFine;
 }

@@ -51,10 +51,13 @@ void add_recording_options(CLI::App& command, RecordingOptions& options) {
   command.add_option("--end", options.end, "s, where it ends");
 }
 
-RobotMotion load_motion(const std::string& file, const RecordingOptions& recording,
-                        const RobotOptions& robot, const RobotModel& model) {
+LoadedMotion load_motion(const std::string& file, const RecordingOptions& recording,
+                         const RobotOptions& robot, const RobotModel& model) {
   const fs::path found = find_file(file);
-  if (is_motion_file(found)) return parse_motion(read_file(found), found.string(), model);
+  if (is_motion_file(found)) {
+    const std::string text = read_file(found);
+    return {text, parse_motion(text, found.string(), model)};
+  }
   ImportOptions options{.rate = recording.rate, .skeleton = {}, .window = {}};
   if (recording.skeleton) options.skeleton = *recording.skeleton;
   options.window.start = recording.start;
@@ -62,7 +65,8 @@ RobotMotion load_motion(const std::string& file, const RecordingOptions& recordi
   const HumanMotion human = import_recording(found, options);
   const RetargetConfig chains =
       load_retarget_config(find_robot(robot.robot).parent_path() / "retarget.yaml");
-  return parse_motion(format_motion(retarget(human, model, chains), model), "motion", model);
+  const std::string text = format_motion(retarget(human, model, chains), model);
+  return {text, parse_motion(text, "motion", model)};
 }
 
 void make_folder_of(const std::string& file) {

@@ -36,11 +36,16 @@ struct RecordingOptions {
 };
 void add_recording_options(CLI::App& command, RecordingOptions& options);
 
-/// Imports the recording and maps it to the robot; reads a motion file as it is. The result is
-/// what its text in motion.csv says, to the bit, so that a step started from the file gives the
-/// same as a step started from the recording.
-[[nodiscard]] RobotMotion load_motion(const std::string& file, const RecordingOptions& recording,
-                                      const RobotOptions& robot, const RobotModel& model);
+/// A motion and its text. The motion is what the text says, to the bit (a rotation does not come
+/// back from a quaternion unchanged), so that a step started from motion.csv gives the same as a
+/// step started from the recording.
+struct LoadedMotion {
+  std::string text;
+  RobotMotion motion;
+};
+/// Imports the recording and maps it to the robot; reads a motion file as it is.
+[[nodiscard]] LoadedMotion load_motion(const std::string& file, const RecordingOptions& recording,
+                                       const RobotOptions& robot, const RobotModel& model);
 
 /// Writes a text file, its folder made if missing. @throws InputError
 void write_text(const std::string& file, const std::string& text);

@@ -79,17 +79,17 @@ std::string contact_tables(const ContactSequence& sequence) {
   return out;
 }
 
-SimulatedRun run_playback(const RobotModel& model, const RobotMotion& motion,
+SimulatedRun run_playback(const RobotModel& model, const LoadedMotion& loaded,
                           const Scenario& scenario, const std::string& control,
                           const std::string& log) {
   SimulatedRunOptions options;
   options.control = load_controller_config(find_file(control), model);
-  options.start = playback_start(motion, scenario);
+  options.start = playback_start(loaded.motion, scenario);
   options.log = log;
-  options.plan_sha256 = sha256_hex(format_motion(motion, model));
+  options.plan_sha256 = sha256_hex(loaded.text);
   make_folder_of(log);
-  return run_in_simulation(model, scenario, plan_to_image(playback_plan(model, motion, scenario)),
-                           options);
+  return run_in_simulation(model, scenario,
+                           plan_to_image(playback_plan(model, loaded.motion, scenario)), options);
 }
 
 std::string overload_table(const RobotModel& model, const std::string& log) {

@@ -21,7 +21,7 @@ namespace clamber {
 [[nodiscard]] std::string contact_tables(const ContactSequence& sequence);
 
 /// Runs the direct playback (configs/control/playback.yaml) and writes its log.
-[[nodiscard]] SimulatedRun run_playback(const RobotModel& model, const RobotMotion& motion,
+[[nodiscard]] SimulatedRun run_playback(const RobotModel& model, const LoadedMotion& loaded,
                                         const Scenario& scenario, const std::string& control,
                                         const std::string& log);
 /// Joints whose torque went over their plan limit in the logged run, worst first, as a table.

@@ -74,6 +74,7 @@ void apply(const Edit& edit, const path& folder) {
 TEST_P(BadInput, GivesItsLine) {
   const Case& c = GetParam();
   const test::TemporaryFolder folder("bad_input_" + c.name);
+  std::filesystem::create_directories(folder.path() / "configs");
   for (const char* part : {"robots", "scenarios", "recordings", "control", "planner", "hal"})
     std::filesystem::copy(path(CLAMBER_SOURCE_DIR) / "configs" / part,
                           folder.path() / "configs" / part,
@@ -104,7 +105,7 @@ const std::string kRun = "run plan.json --no-dds -o out.log";
 const Case kCases[] = {
     // The command line
     {"NoCommand", {}, "", 2, "A subcommand is required"},
-    {"UnknownCommand", {}, "clmb", 2, "clmb"},
+    {"UnknownCommand", {}, "clmb", 2, "unknown command 'clmb'"},
     {"UnknownOption", {}, "climb --hight 0.3", 2, "--hight"},
     {"HeightIsNoNumber", {}, "climb --height high", 2, "high"},
     {"FeedForwardIsNoChoice", {}, kRun + " --feed-forward some", 2, "some"},
@@ -116,7 +117,11 @@ const Case kCases[] = {
     {"RecordingIsAFolder", {}, "import configs -o out.csv", 2, "configs"},
     {"TruncatedMvnx", {{kRecording, "<frame time=\"300\"", "<end>", ""}}, kImport, 2, ".mvnx:"},
     {"MvnxVersion2", {{kRecording, "", "version=\"4\"", "version=\"2\""}}, kImport, 2, "version"},
-    {"MvnxNaN", {{kRecording, "<orientation>", "1", "nan"}}, kImport, 2, "nan"},
+    {"MvnxNaN",
+     {{kRecording, "type=\"normal\"", "<orientation>", "<orientation>nan "}},
+     kImport,
+     2,
+     "is not a finite number"},
     {"MvnxLacksASegment",
      {{kRecording, "<segment ", "label=\"Pelvis\"", "label=\"Pelviss\""}},
      kImport,
@@ -195,9 +200,9 @@ const Case kCases[] = {
     {"UnknownScenarioKey", {{kScenario, "", "yaw: 0.0", "jaw: 0.0"}}, kPlan, 2, "jaw"},
     {"GoalNamesAnUnknownLink",
      {{kScenario, "contacts: [", "Lwrist", "Lhand"}},
-     kRun + " --scenario configs/scenarios/box_0.275.yaml",
+     "playback motion.csv",
      2,
-     "scenario"},
+     "goal.contacts: robot coman has no contact link 'Lhand'"},
     {"HeightZero", {}, kPlan + " --height 0", 2, "obstacle height"},
     {"HeightNaN", {}, kPlan + " --height nan", 2, "obstacle height"},
 
