@@ -130,7 +130,6 @@ class Climb {
     summary_.obstacle_height = scenario_.obstacles.front().top();
     summary_.recording = motion_.recording;
     summary_.synthetic_recording = motion_.synthetic;
-    summary_.feed_forward = options_.execution.feed_forward.value_or("plan") == "plan";
     summary_.ballast = model_.ballast_mass;
     extra_["inputs"] = to_json(options_.inputs);
     save_summary(summary_, extra_, out_);

@@ -108,6 +108,7 @@ void take_verdict(const SimulatedRun& run, Summary& summary) {
                    .weight_on_obstacle = run.verdict.weight_on_obstacle,
                    .forbidden_contacts = run.verdict.forbidden_contacts,
                    .rest_speed = run.verdict.rest_speed};
+  summary.feed_forward = run.feed_forward;
   summary.real_time_factor = run.real_time_factor();
 }
 

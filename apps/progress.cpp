@@ -30,14 +30,16 @@ void Progress::stage(const std::string& name) {
 void Progress::update(double share, const std::string& what) {
   if (quiet_) return;
   const int percent = static_cast<int>(100.0 * std::clamp(share, 0.0, 1.0));
-  if (what == what_ && (percent == percent_ || !terminal_)) return;
-  what_ = what;
-  percent_ = percent;
   if (!terminal_) {
+    if (percent <= percent_) return;
+    percent_ = percent;
     std::fprintf(stderr, "[%6.1f s]   %3d %% %s\n", elapsed(), percent, what.c_str());
     return;
   }
   const std::string bar(static_cast<std::size_t>(percent * kBar / 100), '#');
+  if (what == what_ && percent == percent_) return;
+  what_ = what;
+  percent_ = percent;
   std::fprintf(stderr, "\r\033[K[%-*s] %3d %% %.40s", kBar, bar.c_str(), percent, what.c_str());
   std::fflush(stderr);
   drawn_ = true;

@@ -19,7 +19,7 @@ class Progress {
   /// A new stage begins.
   void stage(const std::string& name);
   /// Share done of the current stage (0..1) and what is being done. Without a terminal: a line
-  /// when `what` changes.
+  /// when the share is larger than ever in this stage (a search goes back and forth).
   void update(double share, const std::string& what);
   /// Takes the bar off the terminal.
   void clear();

@@ -151,6 +151,7 @@ SimulatedRun run_in_simulation(const RobotModel& model, const Scenario& scenario
   if (options.dds) telemetry.emplace(model);
 
   SimulatedRun run;
+  run.feed_forward = options.control.feed_forward == FeedForward::kPlan;
   ExecutorOptions execution{.realtime = options.realtime, .stop = &interrupted};
   execution.log = log ? &*log : nullptr;
   if (telemetry) execution.sinks.push_back(&telemetry->ring());

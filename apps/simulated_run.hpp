@@ -31,6 +31,7 @@ struct SimulatedRun {
   ClimbVerdict verdict;
   double peak_torque = 0.0;  ///< N m, largest |measured|
   std::string peak_joint;
+  bool feed_forward = false;
   std::optional<PublisherCounters> telemetry;
 
   /// The plan was executed to its end and the judge saw the robot on top.
