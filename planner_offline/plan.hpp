@@ -12,8 +12,8 @@ namespace clamber {
 
 /// A contact that carries the robot at a keyframe, with the force the equilibrium program gave it.
 struct PlannedContact {
-  std::string link;     ///< ContactLink::name
-  std::string surface;  ///< "floor" or an obstacle's name
+  std::string link;                                    ///< ContactLink::name
+  std::string surface;                                 ///< "floor" or an obstacle's name
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< on the surface, world, m
   Eigen::Vector3d force = Eigen::Vector3d::Zero();     ///< on the robot, world, N
 };
@@ -22,24 +22,24 @@ struct Keyframe {
   double time = 0.0;  ///< s
   int phase = 0;      ///< index into Plan::phases
   Configuration x;
-  JointVector tau;    ///< feed-forward, N m
+  JointVector tau;  ///< feed-forward, N m
   std::vector<PlannedContact> contacts;
-  double support_margin = 0.0;    ///< m, CoM inside the support region (negative: outside)
-  double torque_margin = 0.0;     ///< N m, smallest |limit| - |tau|
+  double support_margin = 0.0;      ///< m, CoM inside the support region (negative: outside)
+  double torque_margin = 0.0;       ///< N m, smallest |limit| - |tau|
   double obstacle_clearance = 0.0;  ///< m, links not in contact to floor and obstacle
   double self_clearance = 0.0;      ///< m, over the configured pairs
 };
 
 /// A stretch of keyframes with one contact set.
 struct Phase {
-  std::string name;  ///< e.g. "State1", "swing Lknee"
+  std::string name;    ///< e.g. "State1", "swing Lknee"
   double start = 0.0;  ///< s
 };
 
 struct Plan {
-  std::string robot;         ///< name
+  std::string robot;  ///< name
   std::string robot_hash;
-  std::string scenario;      ///< name
+  std::string scenario;  ///< name
   std::string scenario_hash;
   std::string recording;
   bool synthetic_recording = false;
@@ -56,7 +56,8 @@ struct Plan {
 void save_plan(const Plan& plan, const std::filesystem::path& file);
 /// @throws InputError
 [[nodiscard]] Plan load_plan(const std::filesystem::path& file);
-/// 100 Hz CSV: time, base_x base_y base_z base_qw base_qx base_qy base_qz, joints by name, tau_<joint>.
+/// 100 Hz CSV: time, base_x base_y base_z base_qw base_qx base_qy base_qz, joints by name,
+/// tau_<joint>.
 void export_trajectory(const Plan& plan, const std::filesystem::path& file);
 
 }  // namespace clamber

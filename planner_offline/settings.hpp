@@ -18,7 +18,7 @@ struct ReferenceSettings {
   double theta_max_deg = 35.0;  ///< Eq. (8): 0..35 degrees can support
   double surface_margin =
       0.045;                  ///< m, bounds b: contacts stay this far inside the surface's edges
-  double press = 0.0025;      ///< m, a limb's outer contact is sought this far below the surface
+  double press = 0.003;       ///< m, a limb's outer contact is sought this far below the surface
                               ///< while its inner one rests, so that it carries too
   double relief_share = 0.7;  ///< torque relief stops at about this share of the limit
   int relief_iterations = 60;
@@ -30,15 +30,18 @@ struct SearchSettings {
   std::size_t most_candidates = 30;  ///< keyframes and ways tried per set of arm places
   int most_steps = 400;           ///< inverse-kinematics steps of one motion before it is given up
   double support_margin = 0.012;  ///< m, CoM inside the support region
-  double free_margin = 0.045;   ///< m, the same while nothing but feet carries: there is no hand to
-                                ///< catch a disturbance
-  double wanted_margin = 0.04;  ///< m, aimed at when weight is shifted
-  double swing_height = 0.05;   ///< m above obstacle or start, first candidate
-  double swing_step = 0.008;    ///< m, reference point per step
-  double posture_step = 0.03;   ///< rad per step towards the posture hint
-  double relief_from = 0.85;    ///< share of the torque limit at which motions start to avoid load
-  double relief_full = 1.1;     ///< ... and from which they do nothing else with their freedom
-  double com_step = 0.006;      ///< m per step
+  double free_margin = 0.045;  ///< m, the same while nothing but feet carries: there is no hand to
+                               ///< catch a disturbance
+  double steady_margin =
+      0.03;  ///< m, a climb with this worst margin is good enough to stop searching
+  double settled_margin = 0.09;  ///< m, aimed at in the end, on all contacts
+  double wanted_margin = 0.04;   ///< m, aimed at when weight is shifted
+  double swing_height = 0.05;    ///< m above obstacle or start, first candidate
+  double swing_step = 0.008;     ///< m, reference point per step
+  double posture_step = 0.03;    ///< rad per step towards the posture hint
+  double relief_from = 0.85;     ///< share of the torque limit at which motions start to avoid load
+  double relief_full = 1.1;      ///< ... and from which they do nothing else with their freedom
+  double com_step = 0.006;       ///< m per step
 };
 
 /// Timing of the plan.

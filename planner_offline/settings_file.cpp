@@ -109,6 +109,8 @@ void read(Section section, SearchSettings& search) {
   section.count("most_steps", search.most_steps);
   section.non_negative("support_margin", search.support_margin);
   section.non_negative("free_margin", search.free_margin);
+  section.non_negative("steady_margin", search.steady_margin);
+  section.non_negative("settled_margin", search.settled_margin);
   section.non_negative("wanted_margin", search.wanted_margin);
   section.positive("swing_height", search.swing_height);
   section.positive("swing_step", search.swing_step);

@@ -72,6 +72,8 @@ class MotionSearch {
                                   std::vector<Stretch>& stretches);
   [[nodiscard]] std::string check(const Stretch& stretch);
   [[nodiscard]] SupportRegion region_of(const Configuration& x, const ContactSet& contacts);
+  void settle(const Node& node);
+  [[nodiscard]] double steadiness(const std::vector<Stretch>& stretches);
   [[nodiscard]] double margin_for(const ContactSet& contacts) const;
   [[nodiscard]] std::string name_of(const std::vector<int>& links) const;
 
