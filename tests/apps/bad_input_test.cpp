@@ -214,7 +214,12 @@ const Case kCases[] = {
      2,
      "Lhand"},
     {"TruncatedContacts", {{"contacts.yaml", "states:", "<end>", ""}}, kPlan, 2, "contacts.yaml"},
-    {"UnreachableHeight", {}, kPlan + " --height 0.8", 1, "no plan: "},
+    // Few candidates: with the default the search takes its time before it gives up.
+    {"UnreachableHeight",
+     {{"configs/planner/default.yaml", "", "most_candidates: 30", "most_candidates: 2"}},
+     kPlan + " --height 0.8",
+     1,
+     "no plan: "},
     {"UnknownPlannerKey",
      {{"configs/planner/default.yaml", "", "swing_height", "swing_hight"}},
      kPlan,
