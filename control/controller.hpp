@@ -36,7 +36,7 @@ struct ControllerConfig {
   double start_time = 1.0;              ///< s, shortest move from the measured posture to the plan
   double start_speed = 0.5;             ///< rad/s, fastest joint in that move
   double start_distance_limit = 0.5;    ///< rad, farther from the plan's start: fault
-  double hold_time = 2.5;               ///< s at the last keyframe
+  double hold_time = 4.0;               ///< s at the last keyframe
   double tracking_error_limit = 0.3;    ///< rad; infinity: never
   double overshoot_limit = 0.05;        ///< rad, of the spline beyond its keyframes
   double velocity_factor = 1.0;         ///< refuse a plan faster than this share of the limits

@@ -76,6 +76,7 @@ void read(Section section, IkSettings& ik) {
 
 void read(Section section, ClearanceSettings& clearance) {
   section.non_negative("obstacle", clearance.obstacle);
+  section.non_negative("lying", clearance.lying);
   section.non_negative("landing", clearance.landing);
   section.non_negative("self", clearance.self);
   section.positive("activation", clearance.activation);

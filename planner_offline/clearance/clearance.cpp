@@ -58,6 +58,12 @@ Clearance::Clearance(const RobotModel& model, const Scenario& scenario,
   }
 }
 
+double Clearance::margin_near_contact(int body) const {
+  const auto links = std::count_if(model_.contacts.begin(), model_.contacts.end(),
+                                   [body](const ContactLink& link) { return link.body == body; });
+  return links >= 2 ? settings_.lying : settings_.landing;
+}
+
 double Clearance::environment_margin(const RobotData& data, int geom, int surface,
                                      const ContactSet& contacts,
                                      const std::vector<int>& landing) const {
@@ -75,7 +81,7 @@ double Clearance::environment_margin(const RobotData& data, int geom, int surfac
       return contact.mode == ContactMode::kToe ? kOnEdge : kIgnored;
     }
     if (model_.contacts[static_cast<std::size_t>(contact.link)].body == body) {
-      margin = settings_.landing;
+      margin = margin_near_contact(body);
       ++on_body;
     }
   }
@@ -91,7 +97,7 @@ double Clearance::environment_margin(const RobotData& data, int geom, int surfac
     // The nearer the landing link is to the surface, the less clearance is left to ask for.
     const double above =
         touch_point(model_, data, link).z() - heights_[static_cast<std::size_t>(surface)];
-    const double least = own ? 0.0 : settings_.landing;
+    const double least = own ? 0.0 : margin_near_contact(body);
     margin = std::min(margin, std::clamp(0.6 * above, least, settings_.obstacle));
   }
   return margin;

@@ -12,7 +12,8 @@ namespace clamber {
 
 struct ClearanceSettings {
   double obstacle = 0.012;  ///< m, links not in contact to obstacle and floor (10-15 mm in a swing)
-  double landing = 0.002;   ///< m, links of a limb that rests or lands on that surface
+  double lying = 0.002;     ///< m, of a body that lies down on two contact links (a forearm)
+  double landing = 0.004;   ///< m, of another body whose contact link rests or lands on that surface
   double self = 0.008;      ///< m, between the robot's own links
   double activation = 0.10;  ///< m, nearer pairs become rows of the inverse kinematics
 };
@@ -57,6 +58,9 @@ class Clearance {
   [[nodiscard]] double environment_margin(const RobotData& data, int geom, int surface,
                                           const ContactSet& contacts,
                                           const std::vector<int>& landing) const;
+
+  /// Margin of a body's links to a surface that a contact link of the same body rests or lands on.
+  [[nodiscard]] double margin_near_contact(int body) const;
 
   const RobotModel& model_;
   ClearanceSettings settings_;

@@ -25,10 +25,12 @@ struct Distance {
       Eigen::Vector3d::UnitZ();  ///< from b to a, unit: moving a along it adds distance
 };
 
-/// Exact for every pair of sphere, capsule and box that is apart, and for a sphere or capsule
-/// against a box in penetration; box against box in penetration is a lower-bound estimate from
-/// their edges. (FCL, which the playback analysis uses, has no dependable penetration depth for
-/// these pairs, and the inverse kinematics needs one to push out of contact.)
+/// Exact for every pair of sphere, capsule and box that is apart, and in penetration as long as no
+/// axis enters the other solid. Deeper in, a sphere's or capsule's value against a box is that of
+/// the axis point farthest from the box's faces (its normal: the way to the nearest face); box
+/// against box in penetration is an estimate from their edges. (FCL, which the playback analysis
+/// uses, has no dependable penetration depth for these pairs, and the inverse kinematics needs one
+/// to push out of contact.)
 [[nodiscard]] Distance signed_distance(const Solid& a, const Solid& b) noexcept;
 
 /// Distance of a solid to the half space z <= height.

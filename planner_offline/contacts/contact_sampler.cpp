@@ -61,6 +61,11 @@ Eigen::Vector3d mean(const std::vector<Eigen::Vector3d>& points) {
   return sum / static_cast<double>(points.size());
 }
 
+bool contains(const std::vector<ContactReference>& contacts, const std::string& link) {
+  return std::any_of(contacts.begin(), contacts.end(),
+                     [&](const ContactReference& contact) { return contact.link == link; });
+}
+
 /// What the stability measure needs of one posture's contacts, edge frame.
 struct Touches {
   std::vector<LimbContact> loaded;
@@ -128,13 +133,13 @@ struct ContactSampler::Impl {
   }
 
   /// Points at which the link meets the obstacle's top face, edge frame.
-  [[nodiscard]] std::vector<Eigen::Vector3d> on_top(const ContactLink& link,
-                                                    const RobotData& data) const {
+  [[nodiscard]] std::vector<Eigen::Vector3d> on_top(const ContactLink& link, const RobotData& data,
+                                                    double reach) const {
     const Eigen::Vector3d size = 2.0 * box.half_extents;
     std::vector<Eigen::Vector3d> points;
     for (const Eigen::Vector3d& p_B : link.points) {
       const Eigen::Vector3d p = X_EW * (data.X_WB[static_cast<std::size_t>(link.body)] * p_B);
-      if (p.z() - link.radius > config.threshold) {
+      if (p.z() - link.radius > reach) {
         continue;
       }
       // A sole's corner beside the obstacle is not on it: the sole overhangs the edge.
@@ -147,12 +152,13 @@ struct ContactSampler::Impl {
     return points;
   }
 
-  bool touch_obstacle(const ContactLink& link, const RobotData& data, ContactSample& sample,
-                      Touches& touches) {
-    if (distance(link.geom, data) > config.threshold) {
+  bool touch_obstacle(const ContactLink& link, const RobotData& data, bool held,
+                      ContactSample& sample, Touches& touches) {
+    const double reach = held ? config.release : config.threshold;
+    if (distance(link.geom, data) > reach) {
       return false;
     }
-    const std::vector<Eigen::Vector3d> points = on_top(link, data);
+    const std::vector<Eigen::Vector3d> points = on_top(link, data, reach);
     if (points.empty()) {
       return false;
     }
@@ -170,9 +176,14 @@ struct ContactSampler::Impl {
     if (points.empty()) {
       return;
     }
-    const Eigen::Vector3d p = mean(points);
-    sample.floor.push_back({link.name, "floor", p, contact_stability(p, support_of(link, data))});
     touches.support_points.insert(touches.support_points.end(), points.begin(), points.end());
+    const bool limb_on_obstacle =
+        std::any_of(touches.loaded.begin(), touches.loaded.end(),
+                    [&](const LimbContact& contact) { return contact.limb == link.limb; });
+    if (!limb_on_obstacle) {
+      const Eigen::Vector3d p = mean(points);
+      sample.floor.push_back({link.name, "floor", p, contact_stability(p, support_of(link, data))});
+    }
   }
 };
 
@@ -185,7 +196,8 @@ double ContactSampler::distance(int geom, const RobotData& data) const {
   return impl_->distance(geom, data);
 }
 
-ContactSample ContactSampler::sample(double time, const Configuration& x) const {
+ContactSample ContactSampler::sample(double time, const Configuration& x,
+                                     const ContactSample* before) const {
   Impl& self = *impl_;
   RobotData data;
   forward_kinematics(self.model, x, data);
@@ -195,9 +207,13 @@ ContactSample ContactSampler::sample(double time, const Configuration& x) const 
   sample.posture = x;
   std::vector<bool> explained(self.model.geoms.size(), false);
   for (const ContactLink& link : self.model.contacts) {
-    if (self.touch_obstacle(link, data, sample, touches)) {
+    const bool held = before != nullptr && contains(before->obstacle, link.name);
+    if (self.touch_obstacle(link, data, held, sample, touches)) {
       explained[static_cast<std::size_t>(link.geom)] = true;
-    } else {
+    }
+  }
+  for (const ContactLink& link : self.model.contacts) {
+    if (!contains(sample.obstacle, link.name)) {
       self.touch_floor(link, data, sample, touches);
     }
   }

@@ -19,6 +19,11 @@ struct SamplerConfig {
   /// A link this near to a surface is in contact, m (a human's soft tissue and the playback's
   /// compliance leave gaps of this size).
   double threshold = 0.012;
+  /// A link on the obstacle stays there until it is this far above the top face, m: a forearm that
+  /// rests on its elbow lets its wrist hover about the threshold for seconds, as the drives give
+  /// way, which is one contact and not many. Touch begins at the threshold all the same, so that a
+  /// limb that only passes near makes none.
+  double release = 0.018;
   StabilityConfig stability;
 };
 
@@ -38,8 +43,12 @@ class ContactSampler {
   /// All of the robot's links against the obstacle, its contact links against the floor (z = 0)
   /// too. A contact link near the obstacle is a contact if it is the top face that it meets: the
   /// direction from the nearest point of the obstacle is less than 45 degrees off the vertical.
-  /// Whatever else touches the obstacle (front face, shank, forearm, torso) goes to `others`.
-  [[nodiscard]] ContactSample sample(double time, const Configuration& x) const;
+  /// A limb that is on the obstacle stands there: its foot, about to leave the floor, widens the
+  /// hull of support but is not listed under `floor`. Whatever else touches the obstacle (front
+  /// face, shank, forearm, torso) goes to `others`.
+  /// @param before the sample before this one: what it shows on the obstacle lasts until `release`
+  [[nodiscard]] ContactSample sample(double time, const Configuration& x,
+                                     const ContactSample* before = nullptr) const;
 
  private:
   struct Impl;

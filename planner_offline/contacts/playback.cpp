@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 #include <set>
+#include <utility>
 
 #include "robot_model/loader.hpp"
 #include "sim_backend/ode_world.hpp"
@@ -187,7 +188,9 @@ Playback play(const RobotModel& model, const RobotMotion& motion, const Scenario
     const Configuration wanted = reference.at(time);
     if (k % per_sample == 0) {
       // Without the guide's give, see the header.
-      playback.samples.push_back(sampler.sample(time, {wanted.X_WB, world.configuration().q}));
+      const ContactSample* before = playback.samples.empty() ? nullptr : &playback.samples.back();
+      ContactSample sample = sampler.sample(time, {wanted.X_WB, world.configuration().q}, before);
+      playback.samples.push_back(std::move(sample));
     }
     world.set_base_guide(wanted.X_WB);
     world.step(control.torque(wanted.q, world.configuration().q, world.velocity()));
