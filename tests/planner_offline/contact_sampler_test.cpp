@@ -123,6 +123,26 @@ TEST_F(Sampler, CountsOnlyTheTopFace) {
   EXPECT_FALSE(touches({0.02, 0.1, 0.15})) << "through the front";
 }
 
+TEST_F(Sampler, HoldsAContactUntilItsReleaseDistance) {
+  const ContactSampler sampler(model_, box_of(0.9, 1.0, 0.275), {});
+  const double radius = link("Lwrist").radius;
+  const auto touches = [&](double gap, const ContactSample* before) {
+    const ContactSample sample =
+        sampler.sample(0.0, with_point_at("Lwrist", {0.3, 0.1, 0.275 + radius + gap}), before);
+    return std::any_of(sample.obstacle.begin(), sample.obstacle.end(),
+                       [](const ContactReference& c) { return c.link == "Lwrist"; });
+  };
+  const ContactSample away;
+  ContactSample held;
+  held.obstacle.push_back({"Lwrist", "box", Eigen::Vector3d::Zero(), 0.0});
+  EXPECT_TRUE(touches(0.013, &held));
+  EXPECT_TRUE(touches(0.017, &held));
+  EXPECT_FALSE(touches(0.019, &held));
+  EXPECT_FALSE(touches(0.013, &away)) << "no touch begins beyond the threshold";
+  held.obstacle.front().link = "Rwrist";
+  EXPECT_FALSE(touches(0.013, &held)) << "another link's contact does not hold this one";
+}
+
 TEST_F(Sampler, GivesPositionsInTheEdgeFrameOfATurnedObstacle) {
   ObstacleBox box = box_of(0.9, 1.0, 0.275);
   box.yaw = 0.5;
