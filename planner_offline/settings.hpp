@@ -18,9 +18,9 @@ struct ReferenceSettings {
   double theta_max_deg = 35.0;  ///< Eq. (8): 0..35 degrees can support
   double surface_margin =
       0.045;                  ///< m, bounds b: contacts stay this far inside the surface's edges
-  double press = 0.003;       ///< m, a limb's outer contact is sought this far below the surface
+  double press = 0.002;       ///< m, a limb's outer contact is sought this far below the surface
                               ///< while its inner one rests, so that it carries too
-  double relief_share = 0.7;  ///< torque relief stops at about this share of the limit
+  double relief_share = 0.6;  ///< torque relief stops at about this share of the limit
   int relief_iterations = 60;
   bool posture_has_priority = false;  ///< true: Eq. (6), posture with the tasks; false: Eq. (7)
 };
@@ -34,7 +34,7 @@ struct SearchSettings {
                                ///< catch a disturbance
   double steady_margin =
       0.03;  ///< m, a climb with this worst margin is good enough to stop searching
-  double settled_margin = 0.09;  ///< m, aimed at in the end, on all contacts
+  double settled_margin = 0.14;  ///< m, aimed at in the end, on all contacts
   double wanted_margin = 0.04;   ///< m, aimed at when weight is shifted
   double swing_height = 0.05;    ///< m above obstacle or start, first candidate
   double swing_step = 0.008;     ///< m, reference point per step

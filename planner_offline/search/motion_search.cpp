@@ -354,9 +354,13 @@ double MotionSearch::steadiness(const std::vector<Stretch>& stretches) {
       }
     }
   }
+  // Shanks and feet that come to rest close to an edge end up on it when the joints sag.
+  forward_kinematics(model_, stretches.back().path.back(), data);
+  const double gap = clearance_.report(data, stretches.back().contacts, {}).obstacle;
   constexpr double kEasyTorque = 18.0;  // N m
   constexpr double kPerTorque = 0.001;  // m of margin that one N m more is worth
-  return worst - kPerTorque * std::max(0.0, peak - kEasyTorque);
+  return worst - kPerTorque * std::max(0.0, peak - kEasyTorque) -
+         std::max(0.0, settings_.clearance.obstacle - gap);
 }
 
 SearchResult MotionSearch::run(const Configuration& start, const std::vector<Move>& moves,
