@@ -10,6 +10,12 @@ if(CLAMBER_SANITIZE)
                                                    -fno-sanitize-recover=all)
   target_link_options(clamber_options INTERFACE -fsanitize=${_sanitizers})
 endif()
+if(CLAMBER_FUZZ)
+  if(NOT CMAKE_CXX_COMPILER_ID STREQUAL "Clang")
+    message(FATAL_ERROR "CLAMBER_FUZZ needs Clang, not ${CMAKE_CXX_COMPILER_ID}")
+  endif()
+  target_compile_options(clamber_options INTERFACE -fsanitize=fuzzer-no-link)
+endif()
 
 # clamber_library(name SOURCES a.cpp ... LINK lib ...): a room's static library.
 function(clamber_library name)

@@ -33,6 +33,15 @@ class LogCollector : public console_bridge::OutputHandler {
   std::string errors_;
 };
 
+// urdfdom's XML reader calls itself for every element inside an element: beyond some ten thousand
+// of them the stack overflows. A URDF needs six.
+constexpr int kMaxDepth = 64;
+
+class DepthCheck : public pugi::xml_tree_walker {
+ public:
+  bool for_each(pugi::xml_node& /*node*/) override { return depth() < kMaxDepth; }
+};
+
 struct Edge {
   std::string joint;
   std::string parent;
@@ -63,6 +72,11 @@ void check_tree(const std::string& text, const std::string& file) {
                                         result.offset, 0, static_cast<std::ptrdiff_t>(text.size()));
     throw InputError(file + ":" + std::to_string(1 + std::count(text.begin(), end, '\n')) +
                      ": not a usable URDF: bad XML: " + result.description());
+  }
+  DepthCheck depth;
+  if (!document.traverse(depth)) {
+    throw InputError(file + ": not a usable URDF: XML elements nested deeper than " +
+                     std::to_string(kMaxDepth));
   }
   const std::map<std::string, Edge> edge_above = read_edges(document.child("robot"), file);
   for (const auto& [link, edge] : edge_above) {
