@@ -39,6 +39,8 @@ SearchResult search(std::size_t most_candidates, const std::vector<Move>& moves)
   PlannerSettings settings;
   settings.search.steady_margin = -1.0;
   settings.search.most_candidates = most_candidates;
+  settings.references.relief_iterations = 5;  // standing on both feet is easy
+  settings.references.most_iterations = 40;
   const Clearance clearance(coman(), scenario, settings.clearance);
   ReferenceOptimiser references(coman(), scenario, clearance, settings);
   MotionSearch motion_search(coman(), scenario, clearance, settings, references);
