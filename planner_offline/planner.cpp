@@ -161,8 +161,7 @@ Plan header(const RobotModel& model, const Scenario& scenario, const ContactSequ
 /// The robot stands for a moment before it moves.
 Stretch standing(const SearchResult& found) {
   const Stretch& first = found.stretches.front();
-  return {"stand", Stretch::Kind::kLoad, {first.path.front()}, first.contacts, first.contacts,
-          {}};
+  return {"stand", Stretch::Kind::kLoad, {first.path.front()}, first.contacts, first.contacts, {}};
 }
 
 }  // namespace

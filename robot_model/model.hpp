@@ -20,19 +20,19 @@ struct Body {
   Pose X_PJ;             ///< joint frame at q = 0 in the parent body's frame
   Eigen::Vector3d axis;  ///< joint axis in the joint frame (unit); unused for the base
   double mass = 0.0;     ///< kg
-  Eigen::Vector3d com = Eigen::Vector3d::Zero();       ///< in the body frame, m
-  Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();   ///< at the centre of mass, body axes, kg m^2
+  Eigen::Vector3d com = Eigen::Vector3d::Zero();      ///< in the body frame, m
+  Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();  ///< at the centre of mass, body axes, kg m^2
 };
 
 struct Joint {
   std::string name;
-  double lower = 0.0;              ///< rad
-  double upper = 0.0;              ///< rad
-  double velocity_limit = 0.0;     ///< rad/s
-  double torque_limit = 0.0;       ///< N m: what a plan may use (the robot file's figure)
-  double drive_torque_limit = 0.0; ///< N m: where the drive saturates (the URDF's effort)
-  double reflected_inertia = 0.0;  ///< kg m^2, rotor behind the gear
-  double damping = 0.0;            ///< N m s/rad
+  double lower = 0.0;                   ///< rad
+  double upper = 0.0;                   ///< rad
+  double velocity_limit = 0.0;          ///< rad/s
+  double torque_limit = 0.0;            ///< N m: what a plan may use (the robot file's figure)
+  double drive_torque_limit = 0.0;      ///< N m: where the drive saturates (the URDF's effort)
+  double reflected_inertia = 0.0;       ///< kg m^2, rotor behind the gear
+  double damping = 0.0;                 ///< N m s/rad
   double kp = 0.0, ki = 0.0, kd = 0.0;  ///< default position gains: N m/rad, N m/(rad s), N m s/rad
 };
 
@@ -53,24 +53,25 @@ struct Geom {
   int body = 0;
   Shape shape = Shape::kSphere;
   Pose X_BG;
-  double radius = 0.0;                                 ///< sphere, capsule (m)
-  double length = 0.0;                                 ///< capsule axis (m)
+  double radius = 0.0;                                     ///< sphere, capsule (m)
+  double length = 0.0;                                     ///< capsule axis (m)
   Eigen::Vector3d half_extents = Eigen::Vector3d::Zero();  ///< box (m)
 };
 
 /// A part of the robot that may carry weight: wrist, elbow, knee (one point: the geom's sphere) or
 /// foot (the corners of the geom's sole).
 struct ContactLink {
-  std::string name;           ///< as in the paper: Lwrist, Rwrist, Lelb, Relb, Lknee, Rknee, Lfoot, Rfoot
+  std::string name;  ///< as in the paper: Lwrist, Rwrist, Lelb, Relb, Lknee, Rknee, Lfoot, Rfoot
   int body = 0;
   int geom = 0;
-  std::string limb;           ///< contacts of one limb share this name (left_arm ...)
-  bool is_patch = false;      ///< true: four sole corners and an orientation; false: a point
+  std::string limb;       ///< contacts of one limb share this name (left_arm ...)
+  bool is_patch = false;  ///< true: four sole corners and an orientation; false: a point
   std::vector<Eigen::Vector3d> points;  ///< body frame, m: sphere centre, or the sole's corners
-  double radius = 0.0;        ///< sphere radius (0 for a patch): the surface lies radius below the point
-  int support_body = 0;       ///< shoulder or upper thigh (paper IV-B): S in Eq. (10)
+  double radius = 0.0;   ///< sphere radius (0 for a patch): the surface lies radius below the point
+  int support_body = 0;  ///< shoulder or upper thigh (paper IV-B): S in Eq. (10)
   Eigen::Vector3d support_point = Eigen::Vector3d::Zero();  ///< in support_body's frame, m
-  double support_length = 0.0;  ///< l in Eq. (8): length from contact to support mass, limb straight, m
+  double support_length =
+      0.0;  ///< l in Eq. (8): length from contact to support mass, limb straight, m
 };
 
 class RobotModel {
@@ -84,10 +85,10 @@ class RobotModel {
   std::vector<ContactLink> contacts;
   std::vector<std::pair<int, int>> collision_pairs;  ///< geom indices checked for self-collision
   std::vector<std::pair<int, int>> planner_pairs;    ///< geom indices of Eq. (9)'s three groups
-  std::vector<int> forbidden_geoms;  ///< torso and pelvis: must not carry the robot
-  JointVector home;                  ///< a standing posture, rad
-  double total_mass = 0.0;           ///< kg, ballast included
-  double ballast_mass = 0.0;         ///< kg added by the robot file
+  std::vector<int> forbidden_geoms;                  ///< torso and pelvis: must not carry the robot
+  JointVector home;                                  ///< a standing posture, rad
+  double total_mass = 0.0;                           ///< kg, ballast included
+  double ballast_mass = 0.0;                         ///< kg added by the robot file
 
   [[nodiscard]] int joint_count() const { return static_cast<int>(joints.size()); }
   [[nodiscard]] int velocity_count() const { return 6 + joint_count(); }
