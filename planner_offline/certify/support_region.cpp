@@ -38,6 +38,7 @@ std::vector<Eigen::Vector2d> convex_hull(std::vector<Eigen::Vector2d> points) {
 
 SupportRegion::SupportRegion(const std::vector<Eigen::Vector3d>& points) {
   std::vector<Eigen::Vector2d> flat;
+  flat.reserve(points.size());
   for (const auto& p : points) {
     flat.emplace_back(p.head<2>());
   }
