@@ -47,8 +47,12 @@ TEST(Coman, HasThePublishedMassAndJoints) {
     EXPECT_EQ(joint.velocity_limit, 4.0);
     EXPECT_EQ(joint.damping, 3.0);
     EXPECT_EQ(joint.reflected_inertia, 0.1387);
-    EXPECT_EQ(joint.kp, 1000.0);
-    EXPECT_EQ(joint.kd, 3.0);
+    // The robot file's groups: soft elbows, integrators in legs and waist only.
+    const bool elbow = joint.name.ends_with("Elbj");
+    const bool arm = elbow || joint.name.find("Sh") != std::string::npos;
+    EXPECT_EQ(joint.kp, elbow ? 300.0 : 1000.0) << joint.name;
+    EXPECT_EQ(joint.kd, elbow ? 1.0 : 3.0) << joint.name;
+    EXPECT_EQ(joint.ki, arm ? 0.1 : 100.0) << joint.name;
   }
   EXPECT_EQ(coman.joints[at(6)].lower, -0.1745);
   EXPECT_EQ(coman.joints[at(6)].upper, 1.9199);
