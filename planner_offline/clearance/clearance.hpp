@@ -13,8 +13,8 @@ namespace clamber {
 struct ClearanceSettings {
   double obstacle = 0.012;  ///< m, links not in contact to obstacle and floor (10-15 mm in a swing)
   double lying = 0.002;     ///< m, of a body that lies down on two contact links (a forearm)
-  double landing = 0.004;   ///< m, of another body whose contact link rests or lands on that surface
-  double self = 0.008;      ///< m, between the robot's own links
+  double landing = 0.004;  ///< m, of another body whose contact link rests or lands on that surface
+  double self = 0.008;     ///< m, between the robot's own links
   double activation = 0.10;  ///< m, nearer pairs become rows of the inverse kinematics
 };
 

@@ -138,7 +138,8 @@ std::string MotionSearch::shift_weight(const Move& move, const Candidate& candid
                        Stretch::Kind::kLoad,
                        {moved.path.back()},
                        relaxed,
-                       common});
+                       common,
+                       {}});
   node = {moved.path.back(), common};
   return "";
 }
