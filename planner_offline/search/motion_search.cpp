@@ -30,7 +30,7 @@ std::vector<Candidate> candidates_for(const Move& move, const SearchSettings& se
   for (const Way& way : {Way{0.0, 0.0, 0.02}, Way{0.0, 0.0, 0.1}, Way{0.0, 0.05, 0.06},
                          Way{0.03, 0.0, 0.02}, Way{0.03, 0.08, 0.1}, Way{-0.03, 0.05, 0.1}}) {
     for (const double margin : {settings.wanted_margin, less}) {
-      if (!move.lifts.empty() || (margin != less && way.outward == 0.0)) {
+      if (!move.lifts.empty() || (margin == settings.wanted_margin && way.outward == 0.0)) {
         // margin and way out make a difference only where a limb leaves its support
         list.push_back({margin, settings.swing_height + way.raise, way.outward, way.back});
       }
@@ -277,6 +277,9 @@ bool MotionSearch::descend(std::size_t index, const Node& node) {
   const ObstacleBox& box = scenario_.obstacles[static_cast<std::size_t>(move.surface)];
   for (const Placement& placement : kPlacements) {
     if (result_.candidates_tried >= budget_) {
+      if (result_.failure.empty()) {
+        result_.failure = name_of(move.lands) + ": all candidates used up (search.most_candidates)";
+      }
       return false;
     }
     if (placement.inward != 0.0 && move.lands.size() != 1) {
