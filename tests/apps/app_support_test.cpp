@@ -60,10 +60,11 @@ RobotModel small_robot() {
 using ControllerSettings = Files;
 
 TEST_F(ControllerSettings, TheShippedFileStatesTheDefaults) {
-  const ControllerConfig shipped = load_controller_config(
-      fs::path(CLAMBER_SOURCE_DIR) / "configs/control/default.yaml", small_robot());
-  const ControllerConfig built_in = load_controller_config(write("{}"), small_robot());
-  EXPECT_EQ(shipped.joint_count, 3u);
+  const fs::path configs = fs::path(CLAMBER_SOURCE_DIR) / "configs";
+  const RobotModel coman = load_robot(configs / "robots/coman/robot.yaml");  // whose gains it names
+  const ControllerConfig shipped = load_controller_config(configs / "control/default.yaml", coman);
+  const ControllerConfig built_in = load_controller_config(write("{}"), coman);
+  EXPECT_EQ(shipped.joint_count, 23u);
   EXPECT_EQ(shipped.dt, built_in.dt);
   EXPECT_EQ(shipped.feed_forward, built_in.feed_forward);
   EXPECT_EQ(shipped.torque_rate_limit, built_in.torque_rate_limit);
@@ -79,6 +80,7 @@ TEST_F(ControllerSettings, TheShippedFileStatesTheDefaults) {
   EXPECT_EQ(shipped.overshoot_limit, built_in.overshoot_limit);
   EXPECT_EQ(shipped.velocity_factor, built_in.velocity_factor);
   EXPECT_EQ(shipped.joints[2].gains.kp, 1000.0);
+  EXPECT_EQ(shipped.joints[2].gains.ki, 40.0);
   EXPECT_EQ(shipped.joints[2].torque_limit, 30.0);
 }
 
