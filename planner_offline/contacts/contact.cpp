@@ -96,11 +96,6 @@ bool only_patches(const RobotModel& model, const ContactSet& contacts) {
                      [&](const Contact& c) { return link_of(model, c.link).is_patch; });
 }
 
-bool holds(const ContactSet& contacts, int link) {
-  return std::any_of(contacts.begin(), contacts.end(),
-                     [link](const Contact& c) { return c.link == link; });
-}
-
 bool holds_limb(const RobotModel& model, const ContactSet& contacts, int link) {
   return std::any_of(contacts.begin(), contacts.end(), [&](const Contact& c) {
     return c.link != link && link_of(model, c.link).limb == link_of(model, link).limb;

@@ -54,7 +54,6 @@ using ContactSet = std::vector<Contact>;
 /// True when only patches (feet) carry.
 [[nodiscard]] bool only_patches(const RobotModel& model, const ContactSet& contacts);
 
-[[nodiscard]] bool holds(const ContactSet& contacts, int link);
 /// Presses the outer contact of every limb that rests on two (wrist and elbow) `depth` below its
 /// surface: the joints' compliance then loads it, whatever millimetre the inner one gives.
 void press_outer_contacts(const RobotModel& model, const Scenario& scenario, double depth,

@@ -129,11 +129,6 @@ TaskStack Steering::stack_for(const Configuration& x, const MotionGoal& goal, Pr
     posture = posture_task(model_, x.q, *goal.posture, JointVector::Ones(model_.joint_count()));
     posture.e = posture_error(x, goal);
   }
-  if (goal.base_orientation) {
-    Task turn = base_orientation_task(model_, data_, *goal.base_orientation);
-    turn.e = shortened(turn.e, settings_.search.posture_step);
-    posture = posture + turn;
-  }
   stack.push_back(posture);
   return stack;
 }

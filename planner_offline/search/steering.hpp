@@ -29,8 +29,7 @@ struct MotionGoal {
   std::optional<SupportRegion> reach_region;  ///< done only once the CoM is in here ...
   double reach_margin = 0.0;                  ///< ... by this much, m
   std::optional<JointVector> posture;         ///< rad
-  std::optional<Eigen::Matrix3d> base_orientation;
-  bool posture_must_converge = false;  ///< done only when the posture moves no more
+  bool posture_must_converge = false;         ///< done only when the posture moves no more
 };
 
 struct MotionResult {
