@@ -16,9 +16,10 @@ namespace {
 namespace fs = std::filesystem;
 
 bool is_motion_file(const fs::path& file) {
-  std::ifstream in(file);
-  std::string line;
-  return std::getline(in, line) && is_motion(line);
+  std::ifstream in = open_file(file, kRecordingBytes);
+  std::string start(256, '\0');
+  in.read(start.data(), static_cast<std::streamsize>(start.size()));
+  return is_motion(start);
 }
 
 }  // namespace
@@ -55,7 +56,7 @@ LoadedMotion load_motion(const std::string& file, const RecordingOptions& record
                          const RobotOptions& robot, const RobotModel& model) {
   const fs::path found = find_file(file);
   if (is_motion_file(found)) {
-    const std::string text = read_file(found);
+    const std::string text = read_file(found, kRecordingBytes);
     return {text, parse_motion(text, found.string(), model)};
   }
   ImportOptions options{.rate = recording.rate, .skeleton = {}, .window = {}};

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "robot_model/loader.hpp"
+#include "robot_model/read_file.hpp"
 
 namespace clamber {
 namespace {
@@ -17,6 +18,7 @@ using Json = nlohmann::ordered_json;
 
 constexpr const char* kFormat = "clamber run log";
 constexpr int kFormatVersion = 1;
+constexpr std::size_t kLongestHeader = 65536;  // bytes
 
 RunLogHeader parse_header(const std::string& line, const std::string& file) {
   try {
@@ -92,9 +94,12 @@ void RunLogWriter::close() {
 }
 
 RunLog load_run_log(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  std::string line;
-  if (!in || !std::getline(in, line)) throw InputError(file.string() + ": cannot read the run log");
+  std::ifstream in = open_file(file, kRunLogBytes);
+  // What is no run log may have no end of line for gigabytes.
+  std::string line(kLongestHeader, '\0');
+  if (!in.getline(line.data(), static_cast<std::streamsize>(line.size())))
+    throw InputError(file.string() + ":1: not a run log");
+  line.resize(std::strlen(line.c_str()));
   RunLog log{.header = parse_header(line, file.string()), .frames = {}};
   const std::uintmax_t body = std::filesystem::file_size(file) - (line.size() + 1);
   if (body % sizeof(TelemetryFrame) != 0)

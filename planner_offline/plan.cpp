@@ -280,7 +280,7 @@ void save_plan(const Plan& plan, const std::filesystem::path& file) {
 }
 
 Plan load_plan(const std::filesystem::path& file) {
-  const std::string text = read_file(file);
+  const std::string text = read_file(file, kPlanBytes);
   Json json;
   try {
     json = Json::parse(text);

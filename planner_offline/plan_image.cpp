@@ -64,7 +64,7 @@ void save_plan_image(std::span<const std::byte> image, const std::filesystem::pa
 }
 
 std::vector<std::byte> read_plan_image(const std::filesystem::path& file) {
-  const std::string bytes = read_file(file);
+  const std::string bytes = read_file(file, kPlanBytes);
   std::vector<std::byte> image(bytes.size());
   std::transform(bytes.begin(), bytes.end(), image.begin(),
                  [](char c) { return static_cast<std::byte>(c); });

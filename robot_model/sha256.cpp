@@ -26,6 +26,8 @@ std::string sha256_hex(std::string_view text) {
   return hex;
 }
 
-std::string sha256_file(const std::filesystem::path& file) { return sha256_hex(read_file(file)); }
+std::string sha256_file(const std::filesystem::path& file) {
+  return sha256_hex(read_file(file, kRunLogBytes));
+}
 
 }  // namespace clamber

@@ -64,7 +64,7 @@ double checked_rate(const std::filesystem::path& file, const ImportOptions& opti
 }
 
 HumanMotion read(const std::filesystem::path& file, const ImportOptions& options) {
-  const std::string bytes = read_file(file);
+  const std::string bytes = read_file(file, kRecordingBytes);
   const std::string name = file.string();
   switch (recognise(bytes)) {
     case Format::kMvnx:
@@ -75,7 +75,8 @@ HumanMotion read(const std::filesystem::path& file, const ImportOptions& options
       return parse_csv(bytes, name);
     case Format::kAmc: {
       const auto skeleton = find_skeleton(file, options);
-      return parse_amc(bytes, name, parse_asf(read_file(skeleton), skeleton.string()),
+      return parse_amc(bytes, name,
+                       parse_asf(read_file(skeleton, kRecordingBytes), skeleton.string()),
                        checked_rate(file, options, kDefaultAmcRate));
     }
     case Format::kAsf:

@@ -290,7 +290,7 @@ TEST_F(Execution, RefusesADamagedLog) {
   EXPECT_THAT(error(good.substr(0, good.size() - 1)), HasSubstr("truncated in frame"));
   EXPECT_THAT(error("{}\n"), HasSubstr("not a run log"));
   EXPECT_THAT(error("nonsense\n"), HasSubstr("not a run log"));
-  EXPECT_THAT(error(""), HasSubstr("cannot read the run log"));
+  EXPECT_THAT(error(""), HasSubstr("not a run log"));
   std::string other = good;
   other.replace(other.find("\"frame_bytes\":"), 15, "\"frame_bytes\":9");
   EXPECT_THAT(error(other), HasSubstr("frame_bytes"));

@@ -1,6 +1,7 @@
 // What `clamber` says to input that it cannot use: exit code and one line, case by case.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <ostream>
@@ -81,6 +82,8 @@ TEST_P(BadInput, GivesItsLine) {
                           std::filesystem::copy_options::recursive);
   for (const char* file : {"contacts.yaml", "plan.json", "motion.csv"})
     std::filesystem::copy(made_->path() / file, folder.path() / file);
+  ASSERT_EQ(mkfifo((folder.path() / "fifo").c_str(), 0600), 0);
+  std::ofstream(folder.path() / "walk.amc") << ":FULLY-SPECIFIED\n:DEGREES\n1\n";
   for (const Edit& edit : c.edits) apply(edit, folder.path());
 
   const test::CommandResult result =
@@ -115,6 +118,9 @@ const Case kCases[] = {
     // Recordings and motions
     {"MissingRecording", {}, "import nothing.mvnx", 2, "nothing.mvnx"},
     {"RecordingIsAFolder", {}, "import configs -o out.csv", 2, "configs"},
+    {"RecordingIsAFifo", {}, "import fifo -o out.csv", 2, "fifo: is a FIFO, expected a file"},
+    {"RecordingIsADevice", {}, "climb /dev/zero --out out", 2, "/dev/zero: is a device"},
+    {"SkeletonIsAFifo", {}, "import walk.amc --skeleton fifo -o out.csv", 2, "fifo: is a FIFO"},
     {"TruncatedMvnx", {{kRecording, "<frame time=\"300\"", "<end>", ""}}, kImport, 2, ".mvnx:"},
     {"MvnxVersion2", {{kRecording, "", "version=\"4\"", "version=\"2\""}}, kImport, 2, "version"},
     {"MvnxNaN",
@@ -145,6 +151,7 @@ const Case kCases[] = {
 
     // Robots
     {"MissingRobot", {}, "import motion.csv --robot configs/robots/nao", 2, "nao"},
+    {"RobotIsAFifo", {}, "import motion.csv --robot fifo", 2, "fifo: is a FIFO"},
     {"UrdfWithAMesh",
      {{kUrdf, "<collision name=\"pelvis\">",
        "<cylinder radius=\"0.0716302\" length=\"0.11006541912\"/>",
@@ -182,6 +189,7 @@ const Case kCases[] = {
 
     // Scenarios
     {"MissingScenario", {}, kPlan + " --scenario hill.yaml", 2, "hill.yaml"},
+    {"ScenarioIsADevice", {}, kPlan + " --scenario /dev/zero", 2, "/dev/zero: is a device"},
     {"ScenarioWithoutObstacle",
      {{kScenario, "", "obstacles:", "obstacles: []\nothers:"}},
      kPlan,
@@ -208,6 +216,8 @@ const Case kCases[] = {
 
     // Planning
     {"MissingContacts", {}, "plan nothing.yaml", 2, "nothing.yaml"},
+    {"ContactsAreAFifo", {}, "plan fifo -o out.json", 2, "fifo: is a FIFO"},
+    {"PlannerSettingsAreADevice", {}, kPlan + " --planner /dev/zero", 2, "/dev/zero: is a device"},
     {"ContactsOfAnUnknownLink",
      {{"contacts.yaml", "states:", "Lwrist", "Lhand"}},
      kPlan,
@@ -233,6 +243,9 @@ const Case kCases[] = {
 
     // Execution
     {"MissingPlan", {}, "run nothing.json", 2, "nothing.json"},
+    {"PlanIsAFifo", {}, "run fifo --no-dds -o out.log", 2, "fifo: is a FIFO"},
+    {"ControlSettingsAreADevice", {}, kRun + " --control /dev/zero", 2, "/dev/zero: is a device"},
+    {"HalConfigIsAFifo", {}, kRun + " --hal-config fifo", 2, "fifo: is a FIFO"},
     {"PlanIsNoJson", {{"plan.json", "\"version\"", "<end>", ""}}, kRun, 2, "not a JSON file"},
     {"PlanOfALaterVersion",
      {{"plan.json", "", "\"version\": 1", "\"version\": 7"}},
