@@ -73,6 +73,8 @@ YamlNode YamlNode::at(const std::string& key) const {
   return *child;
 }
 
+bool YamlNode::is_map() const { return node_.IsMap(); }
+
 std::vector<YamlNode> YamlNode::items() const {
   if (!node_.IsSequence()) {
     fail("expected a list");

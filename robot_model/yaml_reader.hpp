@@ -28,6 +28,7 @@ class YamlNode {
 
   [[nodiscard]] YamlNode at(const std::string& key) const;                      ///< required key
   [[nodiscard]] std::optional<YamlNode> find(const std::string& key) const;     ///< optional key
+  [[nodiscard]] bool is_map() const;  ///< for keys that take a scalar or a map
   [[nodiscard]] std::vector<YamlNode> items() const;                            ///< of a list
   [[nodiscard]] std::vector<std::pair<std::string, YamlNode>> entries() const;  ///< of a map
 
