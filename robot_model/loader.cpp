@@ -109,6 +109,7 @@ bool is_ancestor(const RobotModel& model, int ancestor, int body) {
 // The sole is the face of the box towards -z of its own frame, corners counter-clockwise.
 std::vector<Eigen::Vector3d> sole_corners(const Geom& box) {
   std::vector<Eigen::Vector3d> corners;
+  corners.reserve(4);
   constexpr std::array<std::array<double, 2>, 4> kSigns = {{{1, 1}, {-1, 1}, {-1, -1}, {1, -1}}};
   for (const auto& sign : kSigns) {
     corners.push_back(box.X_BG * Eigen::Vector3d(sign[0] * box.half_extents.x(),

@@ -9,8 +9,8 @@
 
 namespace clamber {
 
-YamlNode::YamlNode(YAML::Node node, std::string file, std::string path)
-    : node_(std::move(node)), file_(std::move(file)), path_(std::move(path)) {}
+YamlNode::YamlNode(const YAML::Node& node, std::string file, std::string path)
+    : node_(node), file_(std::move(file)), path_(std::move(path)) {}
 
 YamlNode YamlNode::load(const std::filesystem::path& file) {
   return parse(read_file(file), file.string());

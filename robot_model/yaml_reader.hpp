@@ -26,10 +26,10 @@ class YamlNode {
   /// Refuses every key of this map that is not listed.
   void allow_only(std::initializer_list<std::string_view> keys) const;
 
-  [[nodiscard]] YamlNode at(const std::string& key) const;                      ///< required key
-  [[nodiscard]] std::optional<YamlNode> find(const std::string& key) const;     ///< optional key
-  [[nodiscard]] bool is_map() const;  ///< for keys that take a scalar or a map
-  [[nodiscard]] std::vector<YamlNode> items() const;                            ///< of a list
+  [[nodiscard]] YamlNode at(const std::string& key) const;                   ///< required key
+  [[nodiscard]] std::optional<YamlNode> find(const std::string& key) const;  ///< optional key
+  [[nodiscard]] bool is_map() const;                  ///< for keys that take a scalar or a map
+  [[nodiscard]] std::vector<YamlNode> items() const;  ///< of a list
   [[nodiscard]] std::vector<std::pair<std::string, YamlNode>> entries() const;  ///< of a map
 
   [[nodiscard]] std::string text() const;                ///< a non-empty scalar
@@ -44,7 +44,7 @@ class YamlNode {
   [[noreturn]] void fail(const std::string& message) const;
 
  private:
-  YamlNode(YAML::Node node, std::string file, std::string path);
+  YamlNode(const YAML::Node& node, std::string file, std::string path);
 
   YAML::Node node_;
   std::string file_;

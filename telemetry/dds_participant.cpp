@@ -86,26 +86,28 @@ DdsParticipant::~DdsParticipant() {
   dds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
 }
 
-dds::Topic& DdsParticipant::create_topic(const std::string& topic, dds::TypeSupport type) {
+dds::Topic& DdsParticipant::create_topic(const std::string& topic, const dds::TypeSupport& type) {
   type.register_type(participant_);
   return created(participant_->create_topic(topic, type.get_type_name(), dds::TOPIC_QOS_DEFAULT),
                  "topic " + topic);
 }
 
-dds::DataWriter& DdsParticipant::create_writer(const std::string& topic, dds::TypeSupport type,
+dds::DataWriter& DdsParticipant::create_writer(const std::string& topic,
+                                               const dds::TypeSupport& type,
                                                dds::DataWriterQos qos) {
   qos.data_sharing().off();  // its files stay in /dev/shm after a crash, for no gain at this rate
-  return created(created(publisher_, "a publisher")
-                     .create_datawriter(&create_topic(topic, std::move(type)), qos),
-                 "a writer of " + topic);
+  return created(
+      created(publisher_, "a publisher").create_datawriter(&create_topic(topic, type), qos),
+      "a writer of " + topic);
 }
 
-dds::DataReader& DdsParticipant::create_reader(const std::string& topic, dds::TypeSupport type,
+dds::DataReader& DdsParticipant::create_reader(const std::string& topic,
+                                               const dds::TypeSupport& type,
                                                dds::DataReaderQos qos) {
   qos.data_sharing().off();
-  return created(created(subscriber_, "a subscriber")
-                     .create_datareader(&create_topic(topic, std::move(type)), qos),
-                 "a reader of " + topic);
+  return created(
+      created(subscriber_, "a subscriber").create_datareader(&create_topic(topic, type), qos),
+      "a reader of " + topic);
 }
 
 }  // namespace clamber

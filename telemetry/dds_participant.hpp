@@ -28,15 +28,15 @@ class DdsParticipant {
 
   /// Both return objects that live as long as this. @throws std::runtime_error
   eprosima::fastdds::dds::DataWriter& create_writer(const std::string& topic,
-                                                    eprosima::fastdds::dds::TypeSupport type,
+                                                    const eprosima::fastdds::dds::TypeSupport& type,
                                                     eprosima::fastdds::dds::DataWriterQos qos);
   eprosima::fastdds::dds::DataReader& create_reader(const std::string& topic,
-                                                    eprosima::fastdds::dds::TypeSupport type,
+                                                    const eprosima::fastdds::dds::TypeSupport& type,
                                                     eprosima::fastdds::dds::DataReaderQos qos);
 
  private:
   eprosima::fastdds::dds::Topic& create_topic(const std::string& topic,
-                                              eprosima::fastdds::dds::TypeSupport type);
+                                              const eprosima::fastdds::dds::TypeSupport& type);
 
   eprosima::fastdds::dds::DomainParticipant* participant_ = nullptr;
   eprosima::fastdds::dds::Publisher* publisher_ = nullptr;

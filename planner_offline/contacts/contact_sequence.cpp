@@ -17,6 +17,7 @@ constexpr double kUnitTolerance = 1e-6;  // of a quaternion's norm
 
 std::vector<std::string> links_of(const std::vector<ContactReference>& contacts) {
   std::vector<std::string> links;
+  links.reserve(contacts.size());
   for (const ContactReference& contact : contacts) {
     links.push_back(contact.link);
   }

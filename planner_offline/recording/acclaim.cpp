@@ -251,6 +251,7 @@ class AsfReader {
     }
     if (order.size() != skeleton_.bones.size()) lines_.fail("a bone is missing in :hierarchy");
     std::vector<AcclaimBone> sorted;
+    sorted.reserve(order.size());
     for (const auto i : order) sorted.push_back(std::move(skeleton_.bones[i]));
     skeleton_.bones = std::move(sorted);
   }

@@ -239,6 +239,7 @@ class ClimbFinder {
     if (mean.norm() < 1e-6) return;
     const double reference = std::atan2(mean.y(), mean.x());
     std::vector<double> offsets;
+    offsets.reserve(forward.size());
     for (const auto& v : forward) {
       offsets.push_back(
           std::remainder(std::atan2(v.y(), v.x()) - reference, 2.0 * std::numbers::pi));
