@@ -73,12 +73,4 @@ Task posture_task(const RobotModel& model, const JointVector& q, const JointVect
   return task;
 }
 
-Task base_orientation_task(const RobotModel& model, const RobotData& data,
-                           const Eigen::Matrix3d& R_desired) {
-  Task task{Eigen::MatrixXd::Zero(3, model.velocity_count()), Eigen::VectorXd(3)};
-  task.J.block<3, 3>(0, 3).setIdentity();
-  task.e = rotation_log(R_desired * data.X_WB[0].R.transpose());
-  return task;
-}
-
 }  // namespace clamber

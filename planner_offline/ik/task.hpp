@@ -51,8 +51,4 @@ using TaskStack = std::vector<Task>;
 [[nodiscard]] Task posture_task(const RobotModel& model, const JointVector& q,
                                 const JointVector& q_desired, const JointVector& weight);
 
-/// The base shall take the orientation R_desired.
-[[nodiscard]] Task base_orientation_task(const RobotModel& model, const RobotData& data,
-                                         const Eigen::Matrix3d& R_desired);
-
 }  // namespace clamber

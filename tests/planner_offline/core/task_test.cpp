@@ -91,7 +91,7 @@ TEST_P(Tasks, CentreOfMassMovesHorizontally) {
   EXPECT_LT((task.J - differences(x_, com)).cwiseAbs().maxCoeff(), 1e-7);
 }
 
-TEST_P(Tasks, PostureAndBaseAreWhatIsLeftToDo) {
+TEST_P(Tasks, PostureIsWhatIsLeftToDo) {
   const JointVector wanted = x_.q + 0.1 * JointVector::Ones(coman().joint_count());
   JointVector weight = JointVector::LinSpaced(coman().joint_count(), 0.5, 2.0);
   const auto posture = [&](const Configuration& x) -> VectorXd {
@@ -101,13 +101,6 @@ TEST_P(Tasks, PostureAndBaseAreWhatIsLeftToDo) {
                 .cwiseAbs()
                 .maxCoeff(),
             1e-7);
-  const auto base = [&](const Configuration& x) -> VectorXd {
-    return base_orientation_task(coman(), data_at(x), x_.X_WB.R).e;
-  };
-  EXPECT_LT((base_orientation_task(coman(), data_, x_.X_WB.R).J + differences(x_, base))
-                .cwiseAbs()
-                .maxCoeff(),
-            1e-6);
 }
 
 TEST_P(Tasks, ARollingContactsMaterialPointStays) {
