@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "firmware_hal/bus_model/frame_bits.hpp"
+#include "firmware_hal/codec/cia402.hpp"
 #include "firmware_hal/codec/mit.hpp"
 #include "robot_model/model.hpp"
 
@@ -15,11 +16,6 @@ namespace clamber {
 
 enum class BusProtocol : std::uint8_t { kMit, kCia402 };
 [[nodiscard]] const char* to_string(BusProtocol protocol) noexcept;
-
-/// What a CiA 402 drive is asked to do when its host falls silent: object 6007h, "abort connection
-/// option code".
-enum class LostHostReaction : std::uint8_t { kNone = 0, kFault = 1, kDisable = 2, kQuickStop = 3 };
-enum class Cia402Mode : std::int8_t { kCyclicPosition = 8, kCyclicTorque = 10 };
 
 struct MitMotor {
   MitRanges ranges;
@@ -93,5 +89,6 @@ struct BusMap {
 
 /// The drive as the codec needs it.
 [[nodiscard]] MitDrive mit_drive(const Bus& bus, const JointDrive& drive) noexcept;
+[[nodiscard]] Cia402Drive cia402_drive(const Bus& bus, const JointDrive& drive) noexcept;
 
 }  // namespace clamber
