@@ -170,9 +170,9 @@ void Cia402Host::command(std::size_t i, std::span<const JointCommand> commands,
   Link& link = links_[i];
   Drive& drive = drives_[i];
   Cia402Command command;
-  command.controlword = controlword(i);
-  // Nothing moves until the drive itself says that it is enabled, and then from where it is.
+  // Nothing moves until the drive has said that it is enabled and the caller could see it.
   const bool passing = link.status.phase == LinkPhase::kOn && goal_ == HostGoal::kOn;
+  command.controlword = controlword(i);
   const Cia402Command wanted = passing ? setpoint(i, commands) : Cia402Command{};
   command.tau = wanted.tau;
   command.q = passing ? wanted.q : drive.counts / drive.codec.counts_per_radian;
