@@ -13,9 +13,11 @@ class TorqueRelief {
   TorqueRelief(const RobotModel& model, const ForceSettings& settings)
       : model_(model), forces_(model, settings) {}
 
+  /// Infinite where no contact forces balance the robot.
   [[nodiscard]] double measure(const Configuration& x, const ContactSet& contacts);
   /// Joint displacement down the measure's gradient, its largest entry `step` rad; by finite
-  /// differences.
+  /// differences. Joints whose probe loses balance are left alone; zero where measure_here is
+  /// infinite.
   [[nodiscard]] JointVector direction(const Configuration& x, const ContactSet& contacts,
                                       double measure_here, double step);
 

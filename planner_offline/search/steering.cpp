@@ -101,8 +101,8 @@ Eigen::VectorXd Steering::posture_error(const Configuration& x, const MotionGoal
   const double load = std::pow(measure, 0.25);  // about the worst joint's share of its limit
   const double begin = settings_.search.relief_from, full = settings_.search.relief_full;
   const double weight = std::clamp((load - begin) / (full - begin), 0.0, 1.0);
-  if (weight == 0.0) {
-    return wanted;
+  if (weight == 0.0 || !std::isfinite(measure)) {
+    return wanted;  // out of balance there is no load to take off
   }
   return (1.0 - weight) * wanted +
          weight * Eigen::VectorXd(relief_.direction(x, goal.contacts, measure, step));

@@ -58,6 +58,29 @@ TEST(TorqueRelief, LoadFallsAlongTheDirection) {
   }
 }
 
+/// Leaning forward as a whole until the centre of mass is a hand beyond the toes.
+Configuration falling() {
+  Configuration x = squatting(1.0);
+  x.X_WB.R = rotation_exp({0.0, 0.6, 0.0}) * x.X_WB.R;
+  return x;
+}
+
+TEST(TorqueRelief, OutOfBalanceIsInfinitelyHeavy) {
+  const Configuration x = falling();
+  const ContactSet contacts = feet(box(), x);
+  TorqueRelief relief(coman(), {});
+  const double measure = relief.measure(x, contacts);
+  EXPECT_TRUE(std::isinf(measure));
+  EXPECT_EQ(relief.direction(x, contacts, measure, 0.01).norm(), 0.0);
+}
+
+TEST(TorqueRelief, ProbesOutOfBalanceAreSkipped) {
+  // From a balanced measure at a posture where no probe balances: nothing to go by, and finite.
+  const Configuration x = falling();
+  TorqueRelief relief(coman(), {});
+  EXPECT_EQ(relief.direction(x, feet(box(), x), 1.0, 0.01).norm(), 0.0);
+}
+
 TEST(TorqueRelief, DeeperIsHeavier) {
   TorqueRelief relief(coman(), {});
   double last = 0.0;
