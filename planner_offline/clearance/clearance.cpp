@@ -11,8 +11,7 @@ constexpr double kIgnored = -1.0;  // m, margin of a pair that is meant to touch
 
 /// A capsule's ends and a box's corners too: one witness alone would leave rotation unconstrained
 /// where an edge runs parallel to the surface.
-void extra_witnesses(const Solid& solid, std::vector<Solid>& parts) {
-  parts.clear();
+void add_witnesses(const Solid& solid, std::vector<Solid>& parts) {
   if (solid.shape == Shape::kCapsule) {
     for (const double end : {-0.5, 0.5}) {
       Solid sphere;
@@ -119,13 +118,17 @@ void Clearance::find_near(const RobotData& data, const ContactSet& contacts,
   };
   for (std::size_t g = 0; g < solids.size(); ++g) {
     const int geom = static_cast<int>(g);
-    extra_witnesses(solids[g], parts);
+    parts.clear();
     for (int surface = kFloor; surface < static_cast<int>(obstacles_.size()); ++surface) {
       const auto to_surface = [&](const Solid& s) {
         return surface == kFloor
                    ? distance_to_floor(s, 0.0)
                    : signed_distance(s, obstacles_[static_cast<std::size_t>(surface)]);
       };
+      if (surface != kFloor &&
+          distance_at_least(solids[g], obstacles_[static_cast<std::size_t>(surface)]) > within) {
+        continue;
+      }
       const Distance whole = to_surface(solids[g]);
       if (whole.value > within) {
         continue;
@@ -135,6 +138,9 @@ void Clearance::find_near(const RobotData& data, const ContactSet& contacts,
         continue;
       }
       consider(whole, margin, geom);
+      if (parts.empty()) {
+        add_witnesses(solids[g], parts);
+      }
       for (const Solid& part : parts) {
         consider(to_surface(part), margin, geom);
       }
@@ -142,8 +148,12 @@ void Clearance::find_near(const RobotData& data, const ContactSet& contacts,
   }
   for (const auto* pairs : {&model_.collision_pairs, &model_.planner_pairs}) {
     for (const auto& [a, b] : *pairs) {
-      const Distance d =
-          signed_distance(solids[static_cast<std::size_t>(a)], solids[static_cast<std::size_t>(b)]);
+      const Solid& solid_a = solids[static_cast<std::size_t>(a)];
+      const Solid& solid_b = solids[static_cast<std::size_t>(b)];
+      if (distance_at_least(solid_a, solid_b) > within) {
+        continue;
+      }
+      const Distance d = signed_distance(solid_a, solid_b);
       if (d.value < within) {
         found.push_back({d, settings_.self, model_.geoms[static_cast<std::size_t>(a)].body,
                          model_.geoms[static_cast<std::size_t>(b)].body, a, b});

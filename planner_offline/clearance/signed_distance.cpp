@@ -43,8 +43,14 @@ PointToBox point_to_box(const Vector3d& p, const Vector3d& half) noexcept {
   return {-depth, p + depth * normal, normal};
 }
 
-/// Where along the segment the (convex) signed distance to the box is smallest: golden section.
-double nearest_parameter(const Segment& s, const Vector3d& half) noexcept {
+bool is_inside(const Vector3d& p, const Vector3d& half) noexcept {
+  // With the rounding of a point that was computed to lie on a face.
+  constexpr double kOn = 1e-12;
+  return ((half - p.cwiseAbs()).array() >= -kOn).all();
+}
+
+/// The same for a segment that enters the box: golden section over the depth.
+double deepest_parameter(const Segment& s, const Vector3d& half) noexcept {
   constexpr double kRatio = 0.6180339887498949;
   double low = 0.0, high = 1.0;
   double t1 = high - kRatio, t2 = low + kRatio;
@@ -74,6 +80,50 @@ double nearest_parameter(const Segment& s, const Vector3d& half) noexcept {
     }
   }
   return best;
+}
+
+/// Where along the segment the distance to the box is smallest; the first place where several are.
+/// Half the squared distance is convex and its slope piecewise linear: kinks are where the segment
+/// crosses a face's plane, and the slope's zero lies between two of them.
+double nearest_parameter(const Segment& s, const Vector3d& half) noexcept {
+  const Vector3d along = s.b - s.a;
+  if (along.isZero(0.0)) {
+    return 0.0;  // a sphere's centre or a corner
+  }
+  const auto slope = [&](double t) {
+    const Vector3d p = s.at(t);
+    return (p - p.cwiseMax(-half).cwiseMin(half)).dot(along);
+  };
+  // Slopes below this are those of an edge that runs along a face.
+  const double flat = 1e-12 * along.squaredNorm();
+  double low = 0.0, high = 1.0;
+  double slope_low = slope(low);
+  if (slope_low >= -flat) {
+    return slope_low > flat || !is_inside(s.a, half) ? low : deepest_parameter(s, half);
+  }
+  double slope_high = slope(high);
+  if (slope_high < -flat) {
+    return high;
+  }
+  for (Eigen::Index axis = 0; axis < 3; ++axis) {
+    for (const double side : {-half[axis], half[axis]}) {
+      const double t = (side - s.a[axis]) / along[axis];
+      if (!(t > low && t < high)) {
+        continue;
+      }
+      const double at = slope(t);
+      if (at < -flat) {
+        low = t;
+        slope_low = at;
+      } else {
+        high = t;
+        slope_high = at;
+      }
+    }
+  }
+  const double rise = slope_high - slope_low;
+  const double best = std::min(high, low - slope_low * (high - low) / rise);
+  return is_inside(s.at(best), half) ? deepest_parameter(s, half) : best;
 }
 
 /// Segment (with a radius) against a box; `a` of the result lies on the segment's solid.
@@ -153,6 +203,13 @@ std::array<Segment, 12> edges_of(const Solid& box) noexcept {
   return edges;
 }
 
+/// No point of the edge is nearer to the box than this: the distance grows by at most the way.
+double least_possible(const Segment& edge, const Solid& box) noexcept {
+  const Vector3d middle = box.X_WG.inverse() * Vector3d(0.5 * (edge.a + edge.b));
+  constexpr double kRounding = 1e-9;
+  return point_to_box(middle, box.half_extents).value - 0.5 * (edge.b - edge.a).norm() - kRounding;
+}
+
 Distance flipped(const Distance& d) noexcept { return {d.value, d.on_b, d.on_a, -d.normal}; }
 
 /// The nearest features of two disjoint boxes always include an edge (or its end) of one of them.
@@ -160,12 +217,18 @@ Distance box_to_box(const Solid& a, const Solid& b) noexcept {
   Distance best;
   best.value = std::numeric_limits<double>::infinity();
   for (const Segment& edge : edges_of(a)) {
+    if (least_possible(edge, b) >= best.value) {
+      continue;
+    }
     const Distance d = segment_to_box(edge, 0.0, b);
     if (d.value < best.value) {
       best = d;
     }
   }
   for (const Segment& edge : edges_of(b)) {
+    if (least_possible(edge, a) >= best.value) {
+      continue;
+    }
     const Distance d = segment_to_box(edge, 0.0, a);
     if (d.value < best.value) {
       best = flipped(d);
@@ -174,7 +237,19 @@ Distance box_to_box(const Solid& a, const Solid& b) noexcept {
   return best;
 }
 
+/// Radius of the ball around the solid's origin that holds it.
+double reach_of(const Solid& s) noexcept {
+  return s.shape == Shape::kBox ? s.half_extents.norm() : s.radius + 0.5 * s.length;
+}
+
 }  // namespace
+
+double distance_at_least(const Solid& a, const Solid& b) noexcept {
+  if (b.shape == Shape::kBox) {
+    return point_to_box(b.X_WG.inverse() * a.X_WG.p, b.half_extents).value - reach_of(a);
+  }
+  return (a.X_WG.p - b.X_WG.p).norm() - reach_of(a) - reach_of(b);
+}
 
 Solid place(const Geom& geom, const Pose& X_WB) noexcept {
   return {geom.shape, X_WB * geom.X_BG, geom.radius, geom.length, geom.half_extents};

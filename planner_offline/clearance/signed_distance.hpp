@@ -33,6 +33,9 @@ struct Distance {
 /// to push out of contact.)
 [[nodiscard]] Distance signed_distance(const Solid& a, const Solid& b) noexcept;
 
+/// Some lower bound on signed_distance(a, b), cheap: what is farther apart need not be looked at.
+[[nodiscard]] double distance_at_least(const Solid& a, const Solid& b) noexcept;
+
 /// Distance of a solid to the half space z <= height.
 [[nodiscard]] Distance distance_to_floor(const Solid& a, double height) noexcept;
 
