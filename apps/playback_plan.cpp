@@ -1,6 +1,7 @@
 #include "apps/playback_plan.hpp"
 
 #include "control/plan_image.hpp"
+#include "planner_offline/planner.hpp"
 #include "robot_model/loader.hpp"
 
 namespace clamber {
@@ -8,18 +9,7 @@ namespace clamber {
 Plan playback_plan(const RobotModel& model, const RobotMotion& motion, const Scenario& scenario) {
   if (motion.frames.size() < 2 || motion.rate <= 0.0)
     throw InputError(motion.recording + ": expected at least 2 frames to play");
-  Plan plan;
-  plan.robot = model.name;
-  plan.robot_hash = model.hash;
-  plan.scenario = scenario.name;
-  plan.scenario_hash = scenario.hash;
-  plan.recording = motion.recording;
-  plan.synthetic_recording = motion.synthetic;
-  plan.tool_version = CLAMBER_VERSION;
-  plan.friction = scenario.friction;
-  plan.obstacle_height = 2.0 * scenario.obstacles.front().half_extents.z();
-  plan.ballast_mass = model.ballast_mass;
-  for (const Joint& joint : model.joints) plan.joint_names.push_back(joint.name);
+  Plan plan = plan_header(model, scenario, motion.recording, motion.synthetic);
   plan.phases.push_back({.name = "playback", .start = 0.0});
 
   const std::size_t last = motion.frames.size() - 1;

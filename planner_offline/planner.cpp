@@ -138,33 +138,41 @@ void PlanWriter::add(const Stretch& stretch) {
   }
 }
 
-Plan header(const RobotModel& model, const Scenario& scenario, const ContactSequence& sequence,
-            std::vector<std::string> notes) {
-  Plan plan;
-  plan.robot = model.name;
-  plan.robot_hash = model.hash;
-  plan.scenario = scenario.name;
-  plan.scenario_hash = scenario.hash;
-  plan.recording = sequence.recording;
-  plan.synthetic_recording = sequence.synthetic;
-  plan.tool_version = CLAMBER_VERSION;
-  plan.friction = scenario.friction;
-  plan.obstacle_height = scenario.obstacles.front().top();
-  plan.ballast_mass = model.ballast_mass;
-  for (const Joint& joint : model.joints) {
-    plan.joint_names.push_back(joint.name);
-  }
-  plan.notes = std::move(notes);
-  return plan;
-}
-
 /// The robot stands for a moment before it moves.
 Stretch standing(const SearchResult& found) {
   const Stretch& first = found.stretches.front();
   return {"stand", Stretch::Kind::kLoad, {first.path.front()}, first.contacts, first.contacts, {}};
 }
 
+/// Adds the climb's phases and keyframes to the plan. @throws PlanningFailed
+void write_keyframes(PlanWriter& writer, const SearchResult& found) {
+  writer.add(standing(found));
+  for (const Stretch& stretch : found.stretches) {
+    writer.add(stretch);
+  }
+}
+
 }  // namespace
+
+Plan plan_header(const RobotModel& model, const Scenario& scenario, const std::string& recording,
+                 bool synthetic_recording) {
+  Plan plan;
+  plan.robot = model.name;
+  plan.robot_hash = model.hash;
+  plan.scenario = scenario.name;
+  plan.scenario_hash = scenario.hash;
+  plan.recording = recording;
+  plan.synthetic_recording = synthetic_recording;
+  plan.tool_version = CLAMBER_VERSION;
+  plan.friction = scenario.friction;
+  plan.obstacle_height = scenario.obstacles.front().top();
+  plan.ballast_mass = model.ballast_mass;
+  plan.joint_names.reserve(model.joints.size());
+  for (const Joint& joint : model.joints) {
+    plan.joint_names.push_back(joint.name);
+  }
+  return plan;
+}
 
 PlanningResult plan_climb(const RobotModel& model, const Scenario& scenario,
                           const ContactSequence& sequence, const PlannerSettings& settings,
@@ -189,17 +197,22 @@ PlanningResult plan_climb(const RobotModel& model, const Scenario& scenario,
   result.rejected = found.rejected;
   result.candidates = found.candidates_tried;
   result.backtracks = found.backtracks;
+  const auto failed = [&result](const std::string& why) {
+    return PlanningFailed(why, std::make_shared<const PlanningLog>(result));
+  };
   if (!found.success) {
-    throw PlanningFailed("no statically stable, torque-feasible climb of " + scenario.name +
-                         " found; the furthest attempt ended with: " + found.failure);
+    throw failed("no statically stable, torque-feasible climb of " + scenario.name +
+                 " found; the furthest attempt ended with: " + found.failure);
   }
   progress(0.9, "timing and torques");
   const Stopwatch write_time;
-  result.plan = header(model, scenario, sequence, std::move(notes));
+  result.plan = plan_header(model, scenario, sequence.recording, sequence.synthetic);
+  result.plan.notes = std::move(notes);
   PlanWriter writer(model, scenario, clearance, used, result.plan);
-  writer.add(standing(found));
-  for (const Stretch& stretch : found.stretches) {
-    writer.add(stretch);
+  try {
+    write_keyframes(writer, found);
+  } catch (const PlanningFailed& error) {
+    throw failed(error.what());
   }
   result.stages.emplace_back("timing and torques", write_time.seconds());
   progress(1.0, "done");

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "planner_offline/planning_failed.hpp"
 #include "robot_model/kinematics.hpp"
 #include "robot_model/loader.hpp"
 
@@ -262,9 +263,10 @@ Adjustment find_adjustment(const RobotModel& model, const RobotMotion& motion,
   }
   Adjustment found = Search(model, motion, config).run();
   if (!std::isfinite(found.score)) {
-    throw InputError(motion.recording +
-                     ": at no obstacle height and distance does a wrist, elbow or knee of robot '" +
-                     model.name + "' touch the obstacle's top when the motion is played");
+    throw PlanningFailed(
+        motion.recording +
+        ": at no obstacle height and distance does a wrist, elbow or knee of robot '" + model.name +
+        "' touch the obstacle's top when the motion is played");
   }
   return found;
 }

@@ -52,8 +52,8 @@ struct Adjustment {
   [[nodiscard]] Configuration apply(const Configuration& x) const;
 };
 
-/// @throws InputError when no placement brings any wrist, elbow or knee into contact, or the motion
-///         has no frames or no rate
+/// @throws InputError     the motion has no frames or no rate
+/// @throws PlanningFailed no placement brings any wrist, elbow or knee into contact
 [[nodiscard]] Adjustment find_adjustment(const RobotModel& model, const RobotMotion& motion,
                                          const AdjustmentConfig& config);
 

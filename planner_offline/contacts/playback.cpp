@@ -7,6 +7,7 @@
 #include <set>
 #include <utility>
 
+#include "planner_offline/planning_failed.hpp"
 #include "robot_model/loader.hpp"
 #include "sim_backend/ode_world.hpp"
 
@@ -175,7 +176,6 @@ Playback play(const RobotModel& model, const RobotMotion& motion, const Scenario
 
   OdeOptions options;
   options.step = config.step;
-  options.iterations = config.iterations;
   OdeWorld world(model, playback.scenario, options);
   const Reference reference(motion, adjustment);
   const ContactSampler sampler(model, playback.scenario.obstacles.front(), config.sampler);
@@ -214,7 +214,7 @@ ContactSequence contacts_of(const RobotModel& model, const RobotMotion& motion,
   }
   sequence.states = build_states(playback.samples, contact_names(model), config.states);
   if (sequence.states.empty()) {
-    throw InputError(motion.recording + ": no link stays on the obstacle in the playback");
+    throw PlanningFailed(motion.recording + ": no link stays on the obstacle in the playback");
   }
   sequence.reduced = reduce(sequence.states);
   sequence.notes = adjustment_notes(playback, motion);

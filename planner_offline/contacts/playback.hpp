@@ -27,9 +27,6 @@ namespace clamber {
 struct PlaybackConfig {
   double sample_period = 0.05;  ///< s between contact checks (paper III-C)
   double step = 1e-3;           ///< s, simulator and PID
-  /// Of the simulator's quick stepper. Half of what executing a plan takes: the base is guided and
-  /// only positions are read off. The contact sets stay those of 50 iterations, in 0.6 of the time.
-  int iterations = 25;
   SamplerConfig sampler;
   StateConfig states;
   AdjustmentConfig adjustment;
@@ -45,13 +42,14 @@ struct Playback {
 
 /// Plays the motion once before an obstacle as wide and deep as `scenario`'s first one, of the
 /// adjusted height, front face at x = 0.
-/// @throws InputError as find_adjustment(); when the scenario has no obstacle
+/// @throws InputError, PlanningFailed as find_adjustment(); InputError when the scenario has no
+///         obstacle
 [[nodiscard]] Playback play(const RobotModel& model, const RobotMotion& motion,
                             const Scenario& scenario, const PlaybackConfig& config);
 
 /// Adjustment, playback, states and reduction. The notes say what was adjusted, what touched
 /// besides contact links, and which links never made contact.
-/// @throws InputError as play(); when the playback shows no contact
+/// @throws InputError, PlanningFailed as play(); PlanningFailed when the playback shows no contact
 [[nodiscard]] ContactSequence extract_contacts(const RobotModel& model, const RobotMotion& motion,
                                                const Scenario& scenario,
                                                const PlaybackConfig& config);

@@ -4,6 +4,7 @@
 #include <limits>
 #include <set>
 
+#include "planner_offline/planning_failed.hpp"
 #include "robot_model/loader.hpp"
 
 namespace clamber {
@@ -65,6 +66,7 @@ struct Builder {
 
   void add_state(std::size_t index);
   void add_move(std::size_t state, const std::vector<ContactReference>& landing);
+  void refuse_unreached_goals() const;
   void add_missing_goals();
   void mark_completing_links();
   void insert_intermediate_supports();
@@ -130,6 +132,33 @@ void Builder::add_state(std::size_t index) {
   }
 }
 
+/// A limb that the demonstration never puts on the obstacle is no contact that could be added.
+void Builder::refuse_unreached_goals() const {
+  std::set<std::string> touching;
+  std::string made, missing;
+  const auto list = [](std::string& names, const std::string& name) {
+    names += (names.empty() ? "" : ", ") + name;
+  };
+  for (const int link : resting) {
+    touching.insert(model.contacts[static_cast<std::size_t>(link)].limb);
+    list(made, model.contacts[static_cast<std::size_t>(link)].name);
+  }
+  for (const std::string& name : scenario.goal_contacts) {
+    const auto& limb = model.contacts[static_cast<std::size_t>(link_index(model, name))].limb;
+    if (touching.count(limb) == 0) {
+      list(missing, name);
+    }
+  }
+  if (!missing.empty()) {
+    throw PlanningFailed("'" + sequence.recording + "' shows no climb: the goal asks for " +
+                         missing + ", and in none of its " +
+                         std::to_string(sequence.reduced.size()) +
+                         " states with absolute stability does any part of those limbs rest on "
+                         "the obstacle (only " +
+                         (made.empty() ? "feet" : made) + ")");
+  }
+}
+
 /// The scenario's goal may ask for contacts that the demonstration never made. A limb that already
 /// rests on the obstacle gets them right after its first contact: they only add support.
 void Builder::add_missing_goals() {
@@ -154,10 +183,6 @@ void Builder::add_missing_goals() {
           reference = outer - Eigen::Vector3d(apart, 0.0, 0.0);
         }
       }
-    }
-    if (after == moves.size()) {
-      throw InputError("contact sequence: the goal asks for " + name +
-                       ", and no part of its limb ever touches the obstacle in the recording");
     }
     resting.insert(link);
     notes.push_back("the recording has no contact of " + name + ": added after its " + wanted.limb +
@@ -243,8 +268,9 @@ Eigen::Vector3d to_edge_frame(const ObstacleBox& box, const Eigen::Vector3d& p_W
 std::vector<Move> plan_moves(const RobotModel& model, const Scenario& scenario,
                              const ContactSequence& sequence, std::vector<std::string>& notes) {
   if (sequence.reduced.empty()) {
-    throw InputError("contact sequence of '" + sequence.recording +
-                     "': no state with absolute stability, nothing to climb with");
+    throw PlanningFailed("'" + sequence.recording + "' shows no climb: none of its " +
+                         std::to_string(sequence.states.size()) +
+                         " contact states has absolute stability");
   }
   Builder builder{model, scenario, sequence, notes, {}, {}, {}};
   for (std::size_t i = 0; i < model.contacts.size(); ++i) {
@@ -255,6 +281,7 @@ std::vector<Move> plan_moves(const RobotModel& model, const Scenario& scenario,
   for (std::size_t i = 0; i < sequence.reduced.size(); ++i) {
     builder.add_state(i);
   }
+  builder.refuse_unreached_goals();
   builder.add_missing_goals();
   builder.mark_completing_links();
   builder.insert_intermediate_supports();

@@ -1,5 +1,5 @@
 // The moves a contact sequence asks for: which links land, which lift, in which order.
-// Start-up only: allocates, throws InputError.
+// Start-up only: allocates, throws InputError and PlanningFailed.
 #pragma once
 
 #include <map>
@@ -29,7 +29,11 @@ struct Move {
 
 /// Orders the reduced states' new contacts as they were first touched, one limb pair at a time, and
 /// adds goal contacts that the recording lacks (said in `notes`).
-/// @throws InputError when a state names a link the robot lacks or changes nothing
+/// A link moves where it first rests on the obstacle: a state that brings none anew, because
+/// contacts were given up or made again elsewhere, asks for no move.
+/// @throws InputError     a state or the goal names a link that the robot lacks
+/// @throws PlanningFailed no state has absolute stability, or a limb that the goal asks for is on
+///                        the obstacle in none of them
 [[nodiscard]] std::vector<Move> plan_moves(const RobotModel& model, const Scenario& scenario,
                                            const ContactSequence& sequence,
                                            std::vector<std::string>& notes);

@@ -8,6 +8,7 @@
 #include <set>
 
 #include "planner_offline/contacts/contact_table.hpp"
+#include "planner_offline/planning_failed.hpp"
 #include "planner_offline/recording/import.hpp"
 #include "planner_offline/retarget/retarget.hpp"
 #include "robot_model/loader.hpp"
@@ -138,7 +139,7 @@ TEST(Playback, RefusesWhatCannotTouch) {
   standing.frames.assign(200, analysis.motion.frames.front());
   PlaybackConfig low;
   low.adjustment.highest = 0.15;  // knees hang higher
-  EXPECT_THROW((void)play(analysis.model, standing, analysis.scenario, low), InputError);
+  EXPECT_THROW((void)play(analysis.model, standing, analysis.scenario, low), PlanningFailed);
   RobotMotion empty = analysis.motion;
   empty.frames.clear();
   EXPECT_THROW((void)play(analysis.model, empty, analysis.scenario, {}), InputError);

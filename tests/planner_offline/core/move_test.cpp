@@ -6,6 +6,7 @@
 
 #include <algorithm>
 
+#include "planner_offline/planning_failed.hpp"
 #include "tests/planner_offline/core/core_fixture.hpp"
 
 namespace clamber {
@@ -63,10 +64,11 @@ ContactSequence without_elbows() {
   });
 }
 
+template <typename Error>
 std::string error_of(const ContactSequence& sequence) {
   try {
     (void)moves_of(sequence);
-  } catch (const InputError& e) {
+  } catch (const Error& e) {
     return e.what();
   }
   return "no error";
@@ -171,23 +173,40 @@ TEST(Moves, FeetOnTheBoxAreLeftOutAndSaid) {
   EXPECT_THAT(notes, ElementsAre(HasSubstr("Lfoot")));
 }
 
-TEST(Moves, UnusableSequencesAreInputErrors) {
+TEST(Moves, AStateThatBringsNoContactAnewAsksForNoMove) {
+  ContactSequence sequence = made_climb();
+  const auto expected = order(moves_of(sequence));
+  ContactState fewer = sequence.reduced[1];
+  fewer.obstacle.pop_back();  // given up, and made again in the state after
+  sequence.reduced.insert(sequence.reduced.begin() + 2, {fewer, sequence.reduced[1]});
+  sequence.reduced.push_back(sequence.reduced.back());
+  EXPECT_EQ(order(moves_of(sequence)), expected);
+}
+
+TEST(Moves, AStrangersLinkIsAnInputError) {
   ContactSequence stranger = made_climb();
   stranger.reduced[0].obstacle[0].link = "Tail";
-  EXPECT_THAT(error_of(stranger), HasSubstr("Tail"));
+  EXPECT_THAT(error_of<InputError>(stranger), HasSubstr("Tail"));
+}
 
+TEST(Moves, ADemonstrationThatShowsNoClimbFailsAndSaysWhatItLacks) {
   ContactSequence nothing = made_climb();
   nothing.reduced.clear();
-  EXPECT_THAT(error_of(nothing), HasSubstr("made up"));
+  EXPECT_THAT(error_of<PlanningFailed>(nothing),
+              HasSubstr("made up' shows no climb: none of its 4 contact states"));
 
-  const ContactSequence no_arms = changed(made_climb(), [](ContactState& state) {
-    auto& list = state.obstacle;
-    list.erase(
-        std::remove_if(list.begin(), list.end(),
-                       [](const auto& c) { return c.link.find("knee") == std::string::npos; }),
-        list.end());
-  });
-  EXPECT_THAT(error_of(no_arms), HasSubstr("Lwrist"));
+  const auto only = [](const std::string& part) {
+    return changed(made_climb(), [&part](ContactState& state) {
+      std::erase_if(state.obstacle,
+                    [&part](const auto& c) { return c.link.find(part) == std::string::npos; });
+    });
+  };
+  EXPECT_THAT(error_of<PlanningFailed>(only("knee")),
+              testing::AllOf(HasSubstr("the goal asks for Lwrist, Rwrist, Lelb, Relb, and in none"),
+                             HasSubstr("(only Lknee, Rknee)")));
+  EXPECT_THAT(error_of<PlanningFailed>(only("Rwrist")),
+              testing::AllOf(HasSubstr("Lwrist, Lelb, Lknee, Rknee, and in none"),
+                             HasSubstr("(only Rwrist)")));
 }
 
 TEST(Moves, EdgeFrameAndWorldAreInverse) {

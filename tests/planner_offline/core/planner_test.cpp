@@ -297,6 +297,10 @@ TEST(Planner, ABoxThatIsTooHighFailsAndSaysWhere) {
     (void)plan_climb(coman(), box(0.8), made_climb(), settings, no_progress);
   } catch (const PlanningFailed& e) {
     message = e.what();
+    ASSERT_NE(e.log(), nullptr);
+    EXPECT_GT(e.log()->candidates, 0U);
+    EXPECT_FALSE(e.log()->costs.empty());
+    EXPECT_THAT(e.log()->rejected, testing::Contains(testing::HasSubstr("wrist")));
   }
   EXPECT_THAT(message, testing::HasSubstr("wrist"));
   EXPECT_THAT(message, testing::HasSubstr("height=0.8"));
