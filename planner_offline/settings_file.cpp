@@ -20,7 +20,13 @@ class Section {
     known_.emplace_back(key);
     return node_ ? node_->find(key) : std::nullopt;
   }
-  [[nodiscard]] Section section(const char* key) { return Section(find(key)); }
+  /// The map below `key` into `settings`, with the read_keys() of their type.
+  template <typename Settings>
+  void section(const char* key, Settings& settings) {
+    Section below(find(key));
+    read_keys(below, settings);
+    below.refuse_unknown();
+  }
 
   void positive(const char* key, double& value) {
     if (const auto node = find(key)) value = node->positive();
@@ -66,31 +72,28 @@ class Section {
   std::vector<std::string> known_;
 };
 
-void read(Section section, IkSettings& ik) {
+void read_keys(Section& section, IkSettings& ik) {
   section.non_negative("limit_margin", ik.limit_margin);
   section.positive("joint_step", ik.joint_step);
   section.positive("base_step", ik.base_step);
   section.positive("base_turn", ik.base_turn);
-  section.refuse_unknown();
 }
 
-void read(Section section, ClearanceSettings& clearance) {
+void read_keys(Section& section, ClearanceSettings& clearance) {
   section.non_negative("obstacle", clearance.obstacle);
   section.non_negative("lying", clearance.lying);
   section.non_negative("landing", clearance.landing);
   section.non_negative("self", clearance.self);
   section.positive("activation", clearance.activation);
-  section.refuse_unknown();
 }
 
 /// The friction coefficient is not here: it is friction_share of the scenario's.
-void read(Section section, ForceSettings& forces) {
+void read_keys(Section& section, ForceSettings& forces) {
   section.share("torque_share", forces.torque_share);
   section.non_negative("least_normal", forces.least_normal);
-  section.refuse_unknown();
 }
 
-void read(Section section, ReferenceSettings& references) {
+void read_keys(Section& section, ReferenceSettings& references) {
   section.positive("w1", references.w1);
   section.positive("w2", references.w2);
   section.positive("step", references.step);
@@ -102,10 +105,9 @@ void read(Section section, ReferenceSettings& references) {
   section.share("relief_share", references.relief_share);
   section.count("relief_iterations", references.relief_iterations);
   section.flag("posture_has_priority", references.posture_has_priority);
-  section.refuse_unknown();
 }
 
-void read(Section section, SearchSettings& search) {
+void read_keys(Section& section, SearchSettings& search) {
   section.count("most_candidates", search.most_candidates);
   section.count("most_steps", search.most_steps);
   section.non_negative("support_margin", search.support_margin);
@@ -119,15 +121,13 @@ void read(Section section, SearchSettings& search) {
   section.positive("relief_from", search.relief_from);
   section.positive("relief_full", search.relief_full);
   section.positive("com_step", search.com_step);
-  section.refuse_unknown();
 }
 
-void read(Section section, TimingSettings& timing) {
+void read_keys(Section& section, TimingSettings& timing) {
   section.positive("joint_speed", timing.joint_speed);
   section.positive("com_speed", timing.com_speed);
   section.positive("knot_spacing", timing.knot_spacing);
   section.positive("load_time", timing.load_time);
-  section.refuse_unknown();
 }
 
 }  // namespace
@@ -136,12 +136,12 @@ PlannerSettings load_planner_settings(const std::filesystem::path& file) {
   PlannerSettings settings;
   Section root(YamlNode::load(file));
   root.share("friction_share", settings.friction_share);
-  read(root.section("ik"), settings.ik);
-  read(root.section("clearance"), settings.clearance);
-  read(root.section("forces"), settings.forces);
-  read(root.section("references"), settings.references);
-  read(root.section("search"), settings.search);
-  read(root.section("timing"), settings.timing);
+  root.section("ik", settings.ik);
+  root.section("clearance", settings.clearance);
+  root.section("forces", settings.forces);
+  root.section("references", settings.references);
+  root.section("search", settings.search);
+  root.section("timing", settings.timing);
   root.refuse_unknown();
   return settings;
 }
