@@ -66,7 +66,9 @@ class Climb {
     SimulatedRun playback;
     stage("direct playback, without a plan", [&] {
       playback =
-          run_playback(model_, loaded_, scenario_, options_.playback_control, out_.playback_log());
+          run_playback(model_, loaded_, scenario_,
+                       load_control(options_.playback_control, options_.inputs.robot, model_),
+                       out_.playback_log());
     });
     summary_.playback_success = playback.success();
     std::cout << describe(playback, model_) << overload_table(model_, out_.playback_log())
@@ -85,7 +87,8 @@ class Climb {
     const PlanFiles files{.plan = out_.plan(),
                           .image = out_.image(),
                           .trajectory = out_.trajectory(),
-                          .costs = out_.costs()};
+                          .costs = out_.costs(),
+                          .rejected = out_.rejected()};
     PlanningResult result;
     stage("planning", [&] {
       result = make_plan(model_, scenario_, sequence_, options_.settings, files, progress_);
@@ -98,8 +101,10 @@ class Climb {
 
   void execute() {
     SimulatedRun run;
-    stage("climb",
-          [&] { run = run_plan(model_, scenario_, out_.plan(), options_.execution, out_.log()); });
+    stage("climb", [&] {
+      run = run_plan(options_.inputs.robot, model_, scenario_, out_.plan(), options_.execution,
+                     out_.log());
+    });
     take_verdict(run, summary_);
     failure_ = run.failure(model_);
     summary_.log_sha256 = sha256_file(out_.log());
@@ -120,8 +125,9 @@ class Climb {
     execution.realtime = false;
     execution.dds = false;
     SimulatedRun run;
-    stage("climb with PID alone",
-          [&] { run = run_plan(model_, scenario_, out_.plan(), execution, {}); });
+    stage("climb with PID alone", [&] {
+      run = run_plan(options_.inputs.robot, model_, scenario_, out_.plan(), execution, {});
+    });
     extra_["pid_only"] = {{"success", run.success()}, {"peak_torque_nm", run.peak_torque}};
     std::cout << describe(run, model_) << std::flush;
   }
@@ -172,8 +178,9 @@ void add_climb_command(CLI::App& app) {
   add_scenario_options(*command, options->inputs.scenario);
   command->footer(
       "Writes motion.csv, contacts.yaml, plan.json, plan.img, trajectory.csv, costs.csv,\n"
-      "climb.log, playback.log, summary.json, report.html and pictures. Whatever an earlier\n"
-      "climb left in the folder under these names is removed first.\n"
+      "rejected.txt, climb.log, playback.log, summary.json, report.html and pictures. Whatever\n"
+      "an earlier climb left in the folder under these names is removed first. Where no plan is\n"
+      "found, costs.csv and rejected.txt tell what was tried.\n"
       "Exit code 1: no plan was found, or the judge does not see the robot on top.\n\n"
       "Examples:\n"
       "  clamber climb\n"

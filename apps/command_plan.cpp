@@ -1,4 +1,5 @@
 // clamber plan: contact sequence -> plan.
+#include <filesystem>
 #include <iostream>
 #include <memory>
 
@@ -12,10 +13,21 @@ namespace {
 struct Options {
   std::string contacts;
   std::string settings = "configs/planner/default.yaml";
-  PlanFiles files{.plan = "out/plan.json", .image = {}, .trajectory = {}, .costs = {}};
+  PlanFiles files{
+      .plan = "out/plan.json", .image = {}, .trajectory = {}, .costs = {}, .rejected = {}};
   RobotOptions robot;
   ScenarioOptions scenario;
 };
+
+/// The logs lie beside the plan and are named after it where no other place is given.
+PlanFiles with_logs(PlanFiles files) {
+  const auto beside = [&files](const char* ending) {
+    return std::filesystem::path(files.plan).replace_extension(ending).string();
+  };
+  if (files.costs.empty()) files.costs = beside(".costs.csv");
+  if (files.rejected.empty()) files.rejected = beside(".rejected.txt");
+  return files;
+}
 
 void run(const Options& options) {
   const RobotModel model = load_robot(options.robot);
@@ -24,7 +36,7 @@ void run(const Options& options) {
   Progress progress;
   progress.stage("planning");
   const PlanningResult result =
-      make_plan(model, scenario, sequence, options.settings, options.files, progress);
+      make_plan(model, scenario, sequence, options.settings, with_logs(options.files), progress);
   progress.stage("planned");
   std::cout << describe(result, model, sequence) << "written:     " << options.files.plan << '\n';
 }
@@ -39,7 +51,10 @@ void add_plan_command(CLI::App& app) {
   command->add_option("-o,--out", options->files.plan, "the plan")->capture_default_str();
   command->add_option("--export", options->files.trajectory,
                       "CSV at 100 Hz: base pose, joints, feed-forward torques");
-  command->add_option("--log", options->files.costs, "CSV: cost of every iteration");
+  command->add_option("--log", options->files.costs,
+                      "CSV: cost of every iteration (<plan>.costs.csv)");
+  command->add_option("--rejected", options->files.rejected,
+                      "why each candidate was given up, a line each (<plan>.rejected.txt)");
   command->add_option("--image", options->files.image, "the plan as the controller loads it");
   command->add_option("--planner", options->settings, "the planner's settings")
       ->capture_default_str();
@@ -48,7 +63,7 @@ void add_plan_command(CLI::App& app) {
   command->footer(
       "Every posture of the plan balances with its contact forces inside the friction cones and\n"
       "its joint torques inside the limits. Exit code 1: no such climb was found, and which\n"
-      "move failed at which constraint.\n\n"
+      "move failed at which constraint; the two logs are written then too.\n\n"
       "Example:\n"
       "  clamber plan contacts.yaml --scenario configs/scenarios/box_0.20.yaml \\\n"
       "    -o plan.json --export trajectory.csv --log costs.csv");

@@ -21,7 +21,8 @@ void run(const Options& options) {
   const RobotModel model = load_robot(options.robot);
   const Scenario scenario = load_scenario(options.scenario);
   const LoadedMotion motion = load_motion(options.motion, options.reading, options.robot, model);
-  const SimulatedRun result = run_playback(model, motion, scenario, options.control, options.out);
+  const SimulatedRun result = run_playback(
+      model, motion, scenario, load_control(options.control, options.robot, model), options.out);
   std::cout << describe(result, model) << overload_table(model, options.out)
             << "written:     " << options.out << '\n';
 }

@@ -21,7 +21,7 @@ void run(const Options& options) {
   const RobotModel model = load_robot(options.robot);
   const Scenario scenario = load_scenario(options.scenario);
   const SimulatedRun result =
-      run_plan(model, scenario, options.plan, options.execution, options.out);
+      run_plan(options.robot, model, scenario, options.plan, options.execution, options.out);
   std::cout << describe(result, model) << "written:     " << options.out << '\n';
   if (!result.success()) throw JobFailed("the climb failed: " + result.failure(model));
 }

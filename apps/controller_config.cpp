@@ -64,6 +64,11 @@ void read_gain_group(const YamlNode& group, const RobotModel& robot, ControllerC
   }
 }
 
+void read_gains(const YamlNode& root, const RobotModel& robot, ControllerConfig& config) {
+  if (const auto gains = root.find("gains"))
+    for (const YamlNode& group : gains->items()) read_gain_group(group, robot, config);
+}
+
 void take_from_robot(const RobotModel& robot, TorqueLimit limit, ControllerConfig& config) {
   config.joint_count = static_cast<std::uint32_t>(robot.joints.size());
   for (std::size_t j = 0; j < robot.joints.size(); ++j) {
@@ -89,8 +94,8 @@ bool matches(std::string_view pattern, std::string_view name) {
   return false;
 }
 
-ControllerConfig load_controller_config(const std::filesystem::path& file,
-                                        const RobotModel& robot) {
+ControllerConfig load_controller_config(const std::filesystem::path& file, const RobotModel& robot,
+                                        const std::filesystem::path& robot_gains) {
   const YamlNode root = YamlNode::load(file);
   root.allow_only({"rate_hz", "feed_forward", "torque_limit", "torque_rate_limit",
                    "derivative_filter", "transfer_time", "time_scale", "start", "hold_time",
@@ -113,8 +118,12 @@ ControllerConfig load_controller_config(const std::filesystem::path& file,
   if (const auto start = root.find("start")) read_start(*start, config);
   read_non_negative(root, "hold_time", config.hold_time);
   read_supervision(root, config);
-  if (const auto gains = root.find("gains"))
-    for (const YamlNode& group : gains->items()) read_gain_group(group, robot, config);
+  if (!robot_gains.empty()) {
+    const YamlNode own = YamlNode::load(robot_gains);
+    own.allow_only({"gains"});
+    read_gains(own, robot, config);
+  }
+  read_gains(root, robot, config);
   return config;
 }
 

@@ -12,9 +12,13 @@
 namespace clamber {
 
 /// The robot's limits and gains with the file's settings over them.
+/// @param robot_gains  the robot's own control.yaml, whose `gains` count for every settings file
+/// and
+///                     stay below its own; empty: it has none
 /// @throws InputError naming file, line and key; also for a gain group that matches no joint
-[[nodiscard]] ControllerConfig load_controller_config(const std::filesystem::path& file,
-                                                      const RobotModel& robot);
+[[nodiscard]] ControllerConfig load_controller_config(
+    const std::filesystem::path& file, const RobotModel& robot,
+    const std::filesystem::path& robot_gains = {});
 
 /// True when `name` matches `pattern`, in which `*` stands for any characters.
 [[nodiscard]] bool matches(std::string_view pattern, std::string_view name);

@@ -5,6 +5,7 @@
 #include <system_error>
 
 #include "apps/config_files.hpp"
+#include "apps/controller_config.hpp"
 #include "planner_offline/recording/import.hpp"
 #include "planner_offline/retarget/retarget.hpp"
 #include "robot_model/loader.hpp"
@@ -32,6 +33,14 @@ void add_robot_options(CLI::App& command, RobotOptions& options) {
 
 RobotModel load_robot(const RobotOptions& options) {
   return load_robot(find_robot(options.robot), {.ballast_scale = options.ballast ? 1.0 : 0.0});
+}
+
+ControllerConfig load_control(const std::string& settings, const RobotOptions& options,
+                              const RobotModel& robot) {
+  const fs::path gains = find_robot(options.robot).parent_path() / "control.yaml";
+  std::error_code error;
+  return load_controller_config(find_file(settings), robot,
+                                fs::exists(gains, error) ? gains : fs::path());
 }
 
 void add_scenario_options(CLI::App& command, ScenarioOptions& options) {

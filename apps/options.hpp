@@ -7,6 +7,7 @@
 #include <string>
 
 #include "apps/motion_file.hpp"
+#include "control/controller.hpp"
 #include "planner_offline/motion.hpp"
 #include "robot_model/model.hpp"
 #include "sim_backend/scenario.hpp"
@@ -19,6 +20,10 @@ struct RobotOptions {
 };
 void add_robot_options(CLI::App& command, RobotOptions& options);
 [[nodiscard]] RobotModel load_robot(const RobotOptions& options);
+/// The controller's settings for that robot, with the gains of the control.yaml beside its
+/// robot.yaml where there is one.
+[[nodiscard]] ControllerConfig load_control(const std::string& settings,
+                                            const RobotOptions& options, const RobotModel& robot);
 
 struct ScenarioOptions {
   std::string scenario = "configs/scenarios/box_0.275.yaml";

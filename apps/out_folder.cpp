@@ -96,8 +96,8 @@ void OutFolder::prepare() const {
   fs::create_directories(folder_, error);
   if (error) throw InputError(folder_.string() + ": cannot be made: " + error.message());
   for (const char* name : {"motion.csv", "contacts.yaml", "plan.json", "plan.img", "trajectory.csv",
-                           "costs.csv", "climb.log", "playback.log", "summary.json", "report.html",
-                           "climb.png", "playback.png", "torque.svg"})
+                           "costs.csv", "rejected.txt", "climb.log", "playback.log", "summary.json",
+                           "report.html", "climb.png", "playback.png", "torque.svg"})
     fs::remove(folder_ / name, error);
 }
 

@@ -25,6 +25,7 @@ class OutFolder {
   [[nodiscard]] std::string image() const { return at("plan.img"); }
   [[nodiscard]] std::string trajectory() const { return at("trajectory.csv"); }
   [[nodiscard]] std::string costs() const { return at("costs.csv"); }
+  [[nodiscard]] std::string rejected() const { return at("rejected.txt"); }
   [[nodiscard]] std::string log() const { return at("climb.log"); }
   [[nodiscard]] std::string playback_log() const { return at("playback.log"); }
   [[nodiscard]] std::string summary() const { return at("summary.json"); }

@@ -6,7 +6,6 @@
 #include <limits>
 
 #include "apps/config_files.hpp"
-#include "apps/controller_config.hpp"
 #include "apps/playback_plan.hpp"
 #include "planner_offline/contacts/contact_table.hpp"
 #include "planner_offline/plan_image.hpp"
@@ -61,6 +60,30 @@ void save_costs(const std::vector<CostSample>& costs, const std::string& file) {
   write_text(file, text);
 }
 
+void save_log(const PlanningLog& log, const PlanFiles& files) {
+  if (!files.costs.empty()) save_costs(log.costs, files.costs);
+  if (files.rejected.empty()) return;
+  std::string text;
+  for (const std::string& why : log.rejected) text += why + '\n';
+  write_text(files.rejected, text);
+}
+
+PlanningResult plan_or_leave_log(const RobotModel& model, const Scenario& scenario,
+                                 const ContactSequence& sequence, const PlannerSettings& settings,
+                                 const PlanFiles& files, Progress& progress) {
+  try {
+    return plan_climb(model, scenario, sequence, settings,
+                      [&](double share, const std::string& what) { progress.update(share, what); });
+  } catch (const PlanningFailed& error) {
+    progress.clear();
+    if (error.log() == nullptr) throw;
+    save_log(*error.log(), files);
+    if (files.rejected.empty()) throw;
+    throw PlanningFailed(std::string(error.what()) + " (all attempts: " + files.rejected + ")",
+                         error.log());
+  }
+}
+
 }  // namespace
 
 std::string clamp_table(const RobotMotion& motion) {
@@ -80,10 +103,10 @@ std::string contact_tables(const ContactSequence& sequence) {
 }
 
 SimulatedRun run_playback(const RobotModel& model, const LoadedMotion& loaded,
-                          const Scenario& scenario, const std::string& control,
+                          const Scenario& scenario, const ControllerConfig& control,
                           const std::string& log) {
   SimulatedRunOptions options;
-  options.control = load_controller_config(find_file(control), model);
+  options.control = control;
   options.start = playback_start(loaded.motion, scenario);
   options.log = log;
   options.plan_sha256 = sha256_hex(loaded.text);
@@ -115,16 +138,14 @@ std::string overload_table(const RobotModel& model, const std::string& log) {
 PlanningResult make_plan(const RobotModel& model, const Scenario& scenario,
                          const ContactSequence& sequence, const std::string& settings,
                          const PlanFiles& files, Progress& progress) {
-  PlanningResult result =
-      plan_climb(model, scenario, sequence, load_planner_settings(find_file(settings)),
-                 [&](double share, const std::string& what) { progress.update(share, what); });
+  PlanningResult result = plan_or_leave_log(
+      model, scenario, sequence, load_planner_settings(find_file(settings)), files, progress);
   progress.clear();
-  for (const std::string& file : {files.plan, files.image, files.trajectory, files.costs})
-    make_folder_of(file);
+  for (const std::string& file : {files.plan, files.image, files.trajectory}) make_folder_of(file);
   if (!files.plan.empty()) save_plan(result.plan, files.plan);
   if (!files.image.empty()) save_plan_image(plan_to_image(result.plan), files.image);
   if (!files.trajectory.empty()) export_trajectory(result.plan, files.trajectory);
-  if (!files.costs.empty()) save_costs(result.costs, files.costs);
+  save_log(result, files);
   return result;
 }
 
@@ -170,14 +191,14 @@ void add_execution_options(CLI::App& command, ExecutionOptions& options) {
   command.add_flag("--dds,!--no-dds", options.dds, "telemetry over DDS (on)");
 }
 
-SimulatedRun run_plan(const RobotModel& model, const Scenario& scenario,
+SimulatedRun run_plan(const RobotOptions& robot, const RobotModel& model, const Scenario& scenario,
                       const std::string& plan_file, const ExecutionOptions& options,
                       const std::string& log) {
   check_backend(options.hal);
   const Plan plan = load_plan(plan_file);
   check_made_for(plan, plan_file, model, scenario);
   SimulatedRunOptions run;
-  run.control = load_controller_config(find_file(options.control), model);
+  run.control = load_control(options.control, robot, model);
   if (options.feed_forward)
     run.control.feed_forward =
         *options.feed_forward == "plan" ? FeedForward::kPlan : FeedForward::kNone;

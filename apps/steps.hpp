@@ -20,9 +20,9 @@ namespace clamber {
 /// Full and reduced contact table and the notes.
 [[nodiscard]] std::string contact_tables(const ContactSequence& sequence);
 
-/// Runs the direct playback (configs/control/playback.yaml) and writes its log.
+/// Runs the direct playback (settings: configs/control/playback.yaml) and writes its log.
 [[nodiscard]] SimulatedRun run_playback(const RobotModel& model, const LoadedMotion& loaded,
-                                        const Scenario& scenario, const std::string& control,
+                                        const Scenario& scenario, const ControllerConfig& control,
                                         const std::string& log);
 /// Joints whose torque went over their plan limit in the logged run, worst first, as a table.
 [[nodiscard]] std::string overload_table(const RobotModel& model, const std::string& log);
@@ -32,8 +32,10 @@ struct PlanFiles {
   std::string plan;
   std::string image;
   std::string trajectory;
-  std::string costs;
+  std::string costs;     ///< written also when planning fails
+  std::string rejected;  ///< written also when planning fails
 };
+/// @throws PlanningFailed naming the file that lists what was tried, if there is one
 [[nodiscard]] PlanningResult make_plan(const RobotModel& model, const Scenario& scenario,
                                        const ContactSequence& sequence, const std::string& settings,
                                        const PlanFiles& files, Progress& progress);
@@ -53,8 +55,8 @@ struct ExecutionOptions {
 void add_execution_options(CLI::App& command, ExecutionOptions& options);
 
 /// Executes the plan file. @throws InputError also when it was made for another robot or scenario
-[[nodiscard]] SimulatedRun run_plan(const RobotModel& model, const Scenario& scenario,
-                                    const std::string& plan_file, const ExecutionOptions& options,
-                                    const std::string& log);
+[[nodiscard]] SimulatedRun run_plan(const RobotOptions& robot, const RobotModel& model,
+                                    const Scenario& scenario, const std::string& plan_file,
+                                    const ExecutionOptions& options, const std::string& log);
 
 }  // namespace clamber

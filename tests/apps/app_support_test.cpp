@@ -61,7 +61,7 @@ using ControllerSettings = Files;
 
 TEST_F(ControllerSettings, TheShippedFileStatesTheDefaults) {
   const fs::path configs = fs::path(CLAMBER_SOURCE_DIR) / "configs";
-  const RobotModel coman = load_robot(configs / "robots/coman/robot.yaml");  // whose gains it names
+  const RobotModel coman = load_robot(configs / "robots/coman/robot.yaml");
   const ControllerConfig shipped = load_controller_config(configs / "control/default.yaml", coman);
   const ControllerConfig built_in = load_controller_config(write("{}"), coman);
   EXPECT_EQ(shipped.joint_count, 23u);
@@ -80,8 +80,36 @@ TEST_F(ControllerSettings, TheShippedFileStatesTheDefaults) {
   EXPECT_EQ(shipped.overshoot_limit, built_in.overshoot_limit);
   EXPECT_EQ(shipped.velocity_factor, built_in.velocity_factor);
   EXPECT_EQ(shipped.joints[2].gains.kp, 1000.0);
-  EXPECT_EQ(shipped.joints[2].gains.ki, 40.0);
+  EXPECT_EQ(shipped.joints[2].gains.ki, 100.0);
   EXPECT_EQ(shipped.joints[2].torque_limit, 30.0);
+}
+
+TEST_F(ControllerSettings, TheRobotsOwnGainsLieBetweenItsModelAndTheFile) {
+  const fs::path configs = fs::path(CLAMBER_SOURCE_DIR) / "configs";
+  const fs::path own = configs / "robots/coman/control.yaml";
+  const RobotModel coman = load_robot(configs / "robots/coman/robot.yaml");
+  const auto arm = static_cast<std::size_t>(*coman.find_joint("LShSag"));
+  const auto knee = static_cast<std::size_t>(*coman.find_joint("LKneeSag"));
+  for (const char* file : {"control/default.yaml", "control/playback.yaml"}) {
+    const ControllerConfig shipped = load_controller_config(configs / file, coman, own);
+    EXPECT_EQ(shipped.joints[knee].gains.kp, 1000.0) << file;
+    EXPECT_EQ(shipped.joints[knee].gains.ki, 40.0) << file;
+    EXPECT_EQ(shipped.joints[arm].gains.ki, 0.1) << file;
+  }
+  const fs::path settings = write("gains: [{joints: [LKneeSag], ki: 7}]");
+  EXPECT_EQ(load_controller_config(settings, coman, own).joints[knee].gains.ki, 7.0);
+}
+
+TEST_F(ControllerSettings, TheShippedFilesSuitAnyRobot) {
+  const fs::path configs = fs::path(CLAMBER_SOURCE_DIR) / "configs";
+  const RobotModel testbot = load_robot(configs / "robots/testbot/robot.yaml");
+  for (const char* file : {"control/default.yaml", "control/playback.yaml"}) {
+    const ControllerConfig shipped = load_controller_config(configs / file, testbot);
+    for (std::size_t j = 0; j < testbot.joints.size(); ++j) {
+      EXPECT_EQ(shipped.joints[j].gains.kp, testbot.joints[j].kp);
+      EXPECT_EQ(shipped.joints[j].gains.ki, testbot.joints[j].ki);
+    }
+  }
 }
 
 TEST_F(ControllerSettings, OverridesByKeyAndByGroup) {
