@@ -1,12 +1,12 @@
-// Time of one three-level inverse-kinematics step and of the contact-force-sized programs, beside a
-// calibration with Eigen's own decompositions that tells one machine (or minute) from another.
+// Time of three-level hierarchies with inequality rows and of the contact-force-sized programs,
+// beside a calibration with Eigen's own decompositions that tells one machine (or minute) from
+// another. bench/ik measures recorded problems.
 #include <benchmark/benchmark.h>
 
 #include <Eigen/Cholesky>
 #include <Eigen/QR>
 #include <algorithm>
 #include <chrono>
-#include <string>
 #include <vector>
 
 #include "tests/planner_offline/ik/hqp_problems.hpp"
@@ -53,18 +53,6 @@ void measure_hierarchies(benchmark::State& state, const std::vector<HqpProblem>&
     failures += solver.solve(problems[i], x) != HqpStatus::optimal;
   });
   if (failures > 0) state.SkipWithError("a problem was not solved");
-}
-
-void recorded_hierarchies(benchmark::State& state, const std::string& file) {
-  std::vector<HqpProblem> problems;
-  for (auto& recorded : testing::read_recorded_hqp(testing::recorded_hqp_file(file))) {
-    problems.push_back(std::move(recorded.problem));
-  }
-  if (problems.empty()) {
-    state.SkipWithError("no benchmark data: set CLAMBER_BENCH_DATA");
-    return;
-  }
-  measure_hierarchies(state, problems);
 }
 
 /// 14/12/23 rows, targets out of reach of the bounds: `rows` more inequalities on top.
@@ -130,12 +118,6 @@ void calibration_qr(benchmark::State& state) {
 
 BENCHMARK(calibration_llt)->UseManualTime()->Unit(benchmark::kMicrosecond);
 BENCHMARK(calibration_qr)->UseManualTime()->Unit(benchmark::kMicrosecond);
-BENCHMARK_CAPTURE(recorded_hierarchies, walkA, "hqp_walkA.bin")
-    ->UseManualTime()
-    ->Unit(benchmark::kMicrosecond);
-BENCHMARK_CAPTURE(recorded_hierarchies, hardA, "hqp_hardA.bin")
-    ->UseManualTime()
-    ->Unit(benchmark::kMicrosecond);
 BENCHMARK(random_hierarchies)
     ->ArgName("rows")
     ->Arg(0)

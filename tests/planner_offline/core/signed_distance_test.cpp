@@ -298,5 +298,25 @@ TEST(SignedDistance, AGeomIsPlacedByItsBody) {
   EXPECT_EQ(s.length, 0.2);
 }
 
+TEST(SignedDistance, LowerBoundIsNeverAboveTheDistance) {
+  Placements random(17);
+  const Shape shapes[] = {Shape::kSphere, Shape::kCapsule, Shape::kBox};
+  for (const Shape first : shapes) {
+    for (const Shape second : shapes) {
+      double closest = std::numeric_limits<double>::infinity();
+      for (int i = 0; i < 2000; ++i) {
+        const Solid a = random.solid(first, 0.5), b = random.solid(second, 0.5);
+        const double distance = signed_distance(a, b).value;
+        if (distance < 0.0) {
+          continue;  // deep inside, the distance itself is an estimate
+        }
+        ASSERT_LE(distance_at_least(a, b), distance + 1e-12);
+        closest = std::min(closest, distance - distance_at_least(a, b));
+      }
+      EXPECT_LT(closest, 0.05) << "a bound that far off spares nothing";
+    }
+  }
+}
+
 }  // namespace
 }  // namespace clamber
