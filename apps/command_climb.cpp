@@ -85,6 +85,7 @@ class Climb {
 
   void plan() {
     const PlanFiles files{.plan = out_.plan(),
+                          .certificate = {},
                           .image = out_.image(),
                           .trajectory = out_.trajectory(),
                           .costs = out_.costs(),
@@ -97,6 +98,12 @@ class Climb {
                                     result.stages.end());
     summary_.plan_sha256 = sha256_file(out_.plan());
     std::cout << describe(result, model_, sequence_) << std::flush;
+    Certification certification;
+    planning_stage("certificate", [&] { certification = certify_plan(model_, scenario_, files); });
+    extra_["certificate"] = to_json(certification);
+    std::cout << describe(certification) << std::flush;
+    if (!certification.report.valid)
+      throw JobFailed("the plan found is not certified: " + certification.report.reason);
   }
 
   void execute() {
@@ -177,7 +184,8 @@ void add_climb_command(CLI::App& app) {
   add_robot_options(*command, options->inputs.robot);
   add_scenario_options(*command, options->inputs.scenario);
   command->footer(
-      "Writes motion.csv, contacts.yaml, plan.json, plan.img, trajectory.csv, costs.csv,\n"
+      "Writes motion.csv, contacts.yaml, plan.json, plan.cert, plan.img, trajectory.csv, "
+      "costs.csv,\n"
       "rejected.txt, climb.log, playback.log, summary.json, report.html and pictures. Whatever\n"
       "an earlier climb left in the folder under these names is removed first. Where no plan is\n"
       "found, costs.csv and rejected.txt tell what was tried.\n"

@@ -5,6 +5,7 @@
 
 #include "apps/commands.hpp"
 #include "apps/config_files.hpp"
+#include "apps/job_failed.hpp"
 #include "apps/steps.hpp"
 
 namespace clamber {
@@ -13,8 +14,12 @@ namespace {
 struct Options {
   std::string contacts;
   std::string settings = "configs/planner/default.yaml";
-  PlanFiles files{
-      .plan = "out/plan.json", .image = {}, .trajectory = {}, .costs = {}, .rejected = {}};
+  PlanFiles files{.plan = "out/plan.json",
+                  .certificate = {},
+                  .image = {},
+                  .trajectory = {},
+                  .costs = {},
+                  .rejected = {}};
   RobotOptions robot;
   ScenarioOptions scenario;
 };
@@ -38,7 +43,11 @@ void run(const Options& options) {
   const PlanningResult result =
       make_plan(model, scenario, sequence, options.settings, with_logs(options.files), progress);
   progress.stage("planned");
-  std::cout << describe(result, model, sequence) << "written:     " << options.files.plan << '\n';
+  std::cout << describe(result, model, sequence) << std::flush;
+  const Certification certification = certify_plan(model, scenario, options.files);
+  std::cout << describe(certification) << "written:     " << options.files.plan << '\n';
+  if (!certification.report.valid)
+    throw JobFailed("the plan found is not certified: " + certification.report.reason);
 }
 
 }  // namespace
@@ -49,6 +58,7 @@ void add_plan_command(CLI::App& app) {
       "plan", "Finds a statically stable, torque-feasible climb along a contact sequence");
   command->add_option("contacts", options->contacts, "contacts.yaml")->required();
   command->add_option("-o,--out", options->files.plan, "the plan")->capture_default_str();
+  command->add_option("--certificate", options->files.certificate, "its certificate (<plan>.cert)");
   command->add_option("--export", options->files.trajectory,
                       "CSV at 100 Hz: base pose, joints, feed-forward torques");
   command->add_option("--log", options->files.costs,
@@ -63,7 +73,8 @@ void add_plan_command(CLI::App& app) {
   command->footer(
       "Every posture of the plan balances with its contact forces inside the friction cones and\n"
       "its joint torques inside the limits. Exit code 1: no such climb was found, and which\n"
-      "move failed at which constraint; the two logs are written then too.\n\n"
+      "move failed at which constraint, or the plan is not certified; the two logs are written "
+      "then too.\n\n"
       "Example:\n"
       "  clamber plan contacts.yaml --scenario configs/scenarios/box_0.20.yaml \\\n"
       "    -o plan.json --export trajectory.csv --log costs.csv");

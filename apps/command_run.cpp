@@ -34,11 +34,16 @@ void add_run_command(CLI::App& app) {
       app.add_subcommand("run", "Executes a plan with the 1 kHz controller and judges the climb");
   command->add_option("plan", options->plan, "plan.json")->required();
   command->add_option("-o,--out", options->out, "run log")->capture_default_str();
+  command->add_option("--certificate", options->execution.certificate,
+                      "the plan's certificate (<plan>.cert)");
+  command->add_flag("--uncertified", options->execution.uncertified,
+                    "run it without a valid certificate, in the simulation");
   add_execution_options(*command, options->execution);
   add_robot_options(*command, options->robot);
   add_scenario_options(*command, options->scenario);
   command->footer(
-      "Robot and scenario must be those the plan was made for. Every tick goes to the log and\n"
+      "Robot and scenario must be those the plan was made for, and its certificate must hold\n"
+      "(see clamber verify). Every tick goes to the log and\n"
       "to DDS (`clamber monitor`): with --realtime a frame that finds no room is dropped and\n"
       "counted, without it the loop waits between ticks, so that none is lost.\n"
       "Exit code 1: the judge, who knows nothing of the plan, does not see the robot on top.\n\n"

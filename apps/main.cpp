@@ -55,6 +55,7 @@ int run(int argc, char** argv) {
   clamber::add_playback_command(app);
   clamber::add_contacts_command(app);
   clamber::add_plan_command(app);
+  clamber::add_verify_command(app);
   clamber::add_run_command(app);
   clamber::add_monitor_command(app);
   clamber::add_report_command(app);

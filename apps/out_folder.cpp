@@ -58,6 +58,25 @@ NamedValues telemetry_counters(const Json& json) {
   return counters;
 }
 
+CertificateTable certificate_table(const Json& json) {
+  const auto found = json.find("certificate");
+  if (found == json.end() || !found->is_object()) return {};
+  CertificateTable table{.valid = found->at("valid"),
+                         .samples = found->at("samples"),
+                         .margins = {},
+                         .covered = found->at("covered"),
+                         .not_covered = found->at("not_covered")};
+  for (const Json& m : found->at("margins"))
+    table.margins.push_back({.name = m.at("name"),
+                             .unit = m.at("unit"),
+                             .worst = m.at("worst"),
+                             .with_gap = m.at("with_gap"),
+                             .limit = m.at("limit"),
+                             .time = m.at("time"),
+                             .phase = m.at("phase")});
+  return table;
+}
+
 NamedValues environment() {
   NamedValues values = {{"Clamber", CLAMBER_VERSION},          {"build", CLAMBER_BUILD_TYPE},
                         {"compiler", CLAMBER_COMPILER},        {"ODE", CLAMBER_ODE_VERSION},
@@ -95,9 +114,10 @@ void OutFolder::prepare() const {
   std::error_code error;
   fs::create_directories(folder_, error);
   if (error) throw InputError(folder_.string() + ": cannot be made: " + error.message());
-  for (const char* name : {"motion.csv", "contacts.yaml", "plan.json", "plan.img", "trajectory.csv",
-                           "costs.csv", "rejected.txt", "climb.log", "playback.log", "summary.json",
-                           "report.html", "climb.png", "playback.png", "torque.svg"})
+  for (const char* name :
+       {"motion.csv", "contacts.yaml", "plan.json", "plan.cert", "plan.img", "trajectory.csv",
+        "costs.csv", "rejected.txt", "climb.log", "playback.log", "summary.json", "report.html",
+        "climb.png", "playback.png", "torque.svg"})
     fs::remove(folder_ / name, error);
 }
 
@@ -124,6 +144,7 @@ Summary write_report_of(const OutFolder& out, const RobotModel& model, const Sce
   try {
     input.summary = parse_summary(json);
     input.counters = telemetry_counters(json);
+    input.certificate = certificate_table(json);
   } catch (const Json::exception& error) {
     throw InputError(out.summary() + ": not a summary of a climb: " + error.what());
   }

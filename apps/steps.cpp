@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "apps/config_files.hpp"
+#include "apps/job_failed.hpp"
 #include "apps/playback_plan.hpp"
 #include "planner_offline/contacts/contact_table.hpp"
 #include "planner_offline/plan_image.hpp"
@@ -40,6 +41,17 @@ void check_made_for(const Plan& plan, const std::string& file, const RobotModel&
   if (plan.scenario_hash != scenario.hash)
     refuse("scenario", named(plan.scenario, plan.scenario_hash),
            named(scenario.name, scenario.hash));
+}
+
+/// SHA-256 of the plan's certificate, which was found valid just now.
+std::string verified_certificate(const std::string& plan_file, const ExecutionOptions& options,
+                                 const RobotModel& model, const Scenario& scenario) {
+  const Certification found = verify_plan_file(
+      plan_file, options.certificate.empty() ? certificate_beside(plan_file) : options.certificate,
+      model, scenario);
+  if (!found.report.valid)
+    throw JobFailed(plan_file + ": its certificate is refused: " + found.report.reason);
+  return found.sha256;
 }
 
 /// Only the simulation stands behind the bus so far.
@@ -110,6 +122,8 @@ SimulatedRun run_playback(const RobotModel& model, const LoadedMotion& loaded,
   options.start = playback_start(loaded.motion, scenario);
   options.log = log;
   options.plan_sha256 = sha256_hex(loaded.text);
+  // A recorded motion is no plan: to show what happens without one is what this run is for.
+  options.control.accept_uncertified = true;
   make_folder_of(log);
   return run_in_simulation(model, scenario,
                            plan_to_image(playback_plan(model, loaded.motion, scenario)), options);
@@ -141,12 +155,23 @@ PlanningResult make_plan(const RobotModel& model, const Scenario& scenario,
   PlanningResult result = plan_or_leave_log(
       model, scenario, sequence, load_planner_settings(find_file(settings)), files, progress);
   progress.clear();
-  for (const std::string& file : {files.plan, files.image, files.trajectory}) make_folder_of(file);
+  for (const std::string& file : {files.plan, files.trajectory}) make_folder_of(file);
   if (!files.plan.empty()) save_plan(result.plan, files.plan);
-  if (!files.image.empty()) save_plan_image(plan_to_image(result.plan), files.image);
   if (!files.trajectory.empty()) export_trajectory(result.plan, files.trajectory);
   save_log(result, files);
   return result;
+}
+
+Certification certify_plan(const RobotModel& model, const Scenario& scenario,
+                           const PlanFiles& files) {
+  Certification certification = certify_plan_file(
+      files.plan, files.certificate.empty() ? certificate_beside(files.plan) : files.certificate,
+      model, scenario);
+  if (certification.report.valid && !files.image.empty()) {
+    make_folder_of(files.image);
+    save_plan_image(plan_to_image(load_plan(files.plan), certification.sha256), files.image);
+  }
+  return certification;
 }
 
 std::string describe(const PlanningResult& result, const RobotModel& model,
@@ -206,8 +231,12 @@ SimulatedRun run_plan(const RobotOptions& robot, const RobotModel& model, const 
   run.plan_sha256 = sha256_file(plan_file);
   run.realtime = options.realtime;
   run.dds = options.dds;
+  run.control.accept_uncertified = options.uncertified;
+  const std::string certificate = options.uncertified
+                                      ? std::string()
+                                      : verified_certificate(plan_file, options, model, scenario);
   if (!log.empty()) make_folder_of(log);
-  return run_in_simulation(model, scenario, plan_to_image(plan), run);
+  return run_in_simulation(model, scenario, plan_to_image(plan, certificate), run);
 }
 
 }  // namespace clamber

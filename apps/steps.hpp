@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/certification.hpp"
 #include "apps/options.hpp"
 #include "apps/progress.hpp"
 #include "apps/simulated_run.hpp"
@@ -30,6 +31,7 @@ namespace clamber {
 /// Where the planner's results go; empty: nowhere.
 struct PlanFiles {
   std::string plan;
+  std::string certificate;  ///< empty: beside the plan
   std::string image;
   std::string trajectory;
   std::string costs;     ///< written also when planning fails
@@ -39,6 +41,10 @@ struct PlanFiles {
 [[nodiscard]] PlanningResult make_plan(const RobotModel& model, const Scenario& scenario,
                                        const ContactSequence& sequence, const std::string& settings,
                                        const PlanFiles& files, Progress& progress);
+/// Certifies the plan file just written, and writes the image that names the certificate. The
+/// image of a plan whose certificate is not valid is not written.
+[[nodiscard]] Certification certify_plan(const RobotModel& model, const Scenario& scenario,
+                                         const PlanFiles& files);
 /// Keyframes, duration, torques and margins of a plan and what the planner noted beyond the notes
 /// of its contact sequence, as lines.
 [[nodiscard]] std::string describe(const PlanningResult& result, const RobotModel& model,
@@ -51,10 +57,14 @@ struct ExecutionOptions {
   std::optional<std::string> feed_forward;  ///< plan or none; nothing: as in `control`
   bool realtime = false;
   bool dds = true;
+  std::string certificate;   ///< empty: beside the plan
+  bool uncertified = false;  ///< runs a plan without one: to look at it in the simulation
 };
 void add_execution_options(CLI::App& command, ExecutionOptions& options);
 
-/// Executes the plan file. @throws InputError also when it was made for another robot or scenario
+/// Executes the plan file once its certificate is verified.
+/// @throws InputError also when it was made for another robot or scenario, or has no certificate
+/// @throws JobFailed when its certificate is refused
 [[nodiscard]] SimulatedRun run_plan(const RobotOptions& robot, const RobotModel& model,
                                     const Scenario& scenario, const std::string& plan_file,
                                     const ExecutionOptions& options, const std::string& log);

@@ -46,7 +46,8 @@ LoadReport Controller::load(const ControllerConfig& config, std::string_view rob
   const PlanRequirements robot{.robot_hash = robot_hash,
                                .lower = std::span(lower).first(n),
                                .upper = std::span(upper).first(n),
-                               .torque_limit = std::span(torque).first(n)};
+                               .torque_limit = std::span(torque).first(n),
+                               .accept_uncertified = config.accept_uncertified};
   report.image = open_plan_image(image, robot, plan_, &report.where);
   if (report.image != PlanImageStatus::kOk) {
     report.status = LoadStatus::kBadImage;

@@ -40,6 +40,7 @@ struct ControllerConfig {
   double tracking_error_limit = 0.3;    ///< rad; infinity: never
   double overshoot_limit = 0.05;        ///< rad, of the spline beyond its keyframes
   double velocity_factor = 1.0;         ///< refuse a plan faster than this share of the limits
+  bool accept_uncertified = false;      ///< see PlanRequirements; no settings file can set it
   std::uint32_t stale_ticks_limit = 5;  ///< consecutive ticks without a usable state: fault
 };
 

@@ -62,6 +62,11 @@ PlanImageStatus check_keyframes(const PlanImageHeader& header,
 
 }  // namespace
 
+bool names_certificate(const PlanImageHeader& header) noexcept {
+  return std::all_of(header.certificate.begin(), header.certificate.end(),
+                     [](char c) { return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f'); });
+}
+
 const char* to_string(PlanImageStatus status) noexcept {
   switch (status) {
     case PlanImageStatus::kOk:
@@ -82,6 +87,8 @@ const char* to_string(PlanImageStatus status) noexcept {
       return "joint count differs from the robot's";
     case PlanImageStatus::kOtherRobot:
       return "made for another robot model";
+    case PlanImageStatus::kUncertified:
+      return "carries no certificate";
     case PlanImageStatus::kNotFinite:
       return "a number is not finite";
     case PlanImageStatus::kTimeNotIncreasing:
@@ -104,6 +111,7 @@ PlanImageStatus open_plan_image(std::span<const std::byte> bytes, const PlanRequ
       robot.upper.size() != robot.lower.size() || robot.torque_limit.size() != robot.lower.size())
     return PlanImageStatus::kBadJointCount;
   if (text(header.robot_hash) != robot.robot_hash) return PlanImageStatus::kOtherRobot;
+  if (!robot.accept_uncertified && !names_certificate(header)) return PlanImageStatus::kUncertified;
   if (!std::isfinite(header.friction) || !std::isfinite(header.duration))
     return PlanImageStatus::kNotFinite;
   const std::span<const ImageKeyframe> keyframes(

@@ -21,7 +21,7 @@ namespace clamber {
 static_assert(std::endian::native == std::endian::little, "images are used in place");
 
 inline constexpr std::array<char, 8> kPlanImageMagic = {'C', 'L', 'M', 'B', 'P', 'L', 'A', 'N'};
-inline constexpr std::uint32_t kPlanImageVersion = 1;
+inline constexpr std::uint32_t kPlanImageVersion = 2;
 inline constexpr std::uint32_t kMaxKeyframes = 8192;
 
 struct PlanImageHeader {
@@ -32,6 +32,7 @@ struct PlanImageHeader {
   std::uint32_t reserved = 0;
   std::array<char, 64> robot_hash{};     ///< hex, zero-padded
   std::array<char, 64> scenario_hash{};  ///< hex, zero-padded
+  std::array<char, 64> certificate{};    ///< SHA-256 of the plan's certificate, hex; zeros: none
   double friction = 0.0;
   double duration = 0.0;  ///< s, the last keyframe's time
 };
@@ -44,7 +45,7 @@ struct ImageKeyframe {
   std::array<double, kMaxJoints> tau{};  ///< N m, feed-forward
 };
 
-static_assert(std::is_trivially_copyable_v<PlanImageHeader> && sizeof(PlanImageHeader) == 168);
+static_assert(std::is_trivially_copyable_v<PlanImageHeader> && sizeof(PlanImageHeader) == 232);
 static_assert(std::is_trivially_copyable_v<ImageKeyframe> && sizeof(ImageKeyframe) == 528);
 
 enum class PlanImageStatus : std::uint8_t {
@@ -57,6 +58,7 @@ enum class PlanImageStatus : std::uint8_t {
   kBadCrc,
   kBadJointCount,  ///< not the robot's
   kOtherRobot,     ///< made for a robot model with another hash
+  kUncertified,    ///< no certificate was found valid before the image was made
   kNotFinite,
   kTimeNotIncreasing,  ///< or not starting at 0, or not ending at the duration
   kPositionLimit,      ///< a keyframe outside the joint limits
@@ -65,6 +67,10 @@ enum class PlanImageStatus : std::uint8_t {
 
 [[nodiscard]] const char* to_string(PlanImageStatus status) noexcept;
 
+/// The header names a certificate: 64 lower-case hexadecimal digits. Whoever makes an image with
+/// them vouches that this certificate was verified for the image's keyframes.
+[[nodiscard]] bool names_certificate(const PlanImageHeader& header) noexcept;
+
 /// What the controller demands of an image. Limits: one entry per joint.
 struct PlanRequirements {
   std::string_view robot_hash;
@@ -72,6 +78,8 @@ struct PlanRequirements {
   std::span<const double> upper;         ///< rad
   std::span<const double> torque_limit;  ///< N m
   double tolerance = 1e-6;               ///< rad or N m beyond a limit that rounding may explain
+  /// Only for what is run without a plan on purpose, as the comparison with a direct playback.
+  bool accept_uncertified = false;
 };
 
 /// A checked image, looked at where it lies.

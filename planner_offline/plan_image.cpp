@@ -33,7 +33,7 @@ ImageKeyframe to_image(const Keyframe& keyframe, std::size_t index, std::size_t 
 
 }  // namespace
 
-std::vector<std::byte> plan_to_image(const Plan& plan) {
+std::vector<std::byte> plan_to_image(const Plan& plan, const std::string& certificate_sha256) {
   const std::size_t joints = plan.joint_names.size();
   if (joints == 0 || joints > kMaxJoints)
     throw InputError("plan: joint_names: expected 1 to " + std::to_string(kMaxJoints) +
@@ -49,6 +49,7 @@ std::vector<std::byte> plan_to_image(const Plan& plan) {
   header.joint_count = static_cast<std::uint32_t>(joints);
   header.robot_hash = hash_field(plan.robot_hash, "robot_hash");
   header.scenario_hash = hash_field(plan.scenario_hash, "scenario_hash");
+  header.certificate = hash_field(certificate_sha256, "the certificate's digest");
   header.friction = plan.friction;
   std::vector<std::byte> image(plan_image_size(keyframes.size()));
   if (!write_plan_image(header, keyframes, image)) throw InputError("plan: no keyframes");

@@ -138,6 +138,22 @@ void PlanWriter::add(const Stretch& stretch) {
   }
 }
 
+/// A load stretch ends with the contacts as the stretch after it holds them: a foot that will roll
+/// over its toes has its heel unloaded by then, and torques do not jump.
+Stretch ending_as(Stretch stretch, const Stretch* following) {
+  if (stretch.kind != Stretch::Kind::kLoad || following == nullptr) {
+    return stretch;
+  }
+  for (Contact& contact : stretch.next_contacts) {
+    for (const Contact& held : following->contacts) {
+      if (held.link == contact.link) {
+        contact.mode = held.mode;
+      }
+    }
+  }
+  return stretch;
+}
+
 /// The robot stands for a moment before it moves.
 Stretch standing(const SearchResult& found) {
   const Stretch& first = found.stretches.front();
@@ -147,8 +163,9 @@ Stretch standing(const SearchResult& found) {
 /// Adds the climb's phases and keyframes to the plan. @throws PlanningFailed
 void write_keyframes(PlanWriter& writer, const SearchResult& found) {
   writer.add(standing(found));
-  for (const Stretch& stretch : found.stretches) {
-    writer.add(stretch);
+  for (std::size_t i = 0; i < found.stretches.size(); ++i) {
+    const bool last = i + 1 == found.stretches.size();
+    writer.add(ending_as(found.stretches[i], last ? nullptr : &found.stretches[i + 1]));
   }
 }
 

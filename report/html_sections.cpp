@@ -177,6 +177,46 @@ std::string notes(const ReportInput& input) {
   return out + "</ul>\n";
 }
 
+std::string list_of(const std::string& title, const std::vector<std::string>& items) {
+  std::string out = "<p>" + title + "</p><ul>\n";
+  for (const std::string& item : items) {
+    out += "<li>" + escape_markup(item) + "</li>\n";
+  }
+  return items.empty() ? "" : out + "</ul>\n";
+}
+
+// Millimetres and milliradians read better than 0.00xxx.
+std::string figure(double value, const std::string& unit) {
+  const bool small = unit == "m" || unit == "rad";
+  return fixed(small ? 1e3 * value : value, small ? 1 : 3);
+}
+
+std::string margins(const ReportInput& input) {
+  const CertificateTable& certificate = input.certificate;
+  if (certificate.samples == 0) {
+    return {};
+  }
+  std::string out =
+      heading("Certificate") +
+      paragraph("The plan was checked at " + std::to_string(certificate.samples) +
+                " moments, at most 10 ms apart, by a verifier that shares nothing with the "
+                "planner but the robot model. It is " +
+                (certificate.valid ? "valid." : "refused.")) +
+      "<div class=\"scroll\"><table>\n<tr><th>Quantity</th><th>unit</th>"
+      "<th class=\"num\">worst</th><th class=\"num\">between samples</th>"
+      "<th class=\"num\">limit</th><th class=\"num\">at, s</th><th>phase</th></tr>\n";
+  for (const CertifiedMargin& m : certificate.margins) {
+    const std::string unit = m.unit == "m" ? "mm" : m.unit == "rad" ? "mrad" : m.unit;
+    out += "<tr><td>" + escape_markup(m.name) + "</td><td>" + escape_markup(unit) +
+           "</td><td class=\"num\">" + figure(m.worst, m.unit) + "</td><td class=\"num\">" +
+           figure(m.with_gap, m.unit) + "</td><td class=\"num\">" + figure(m.limit, m.unit) +
+           "</td><td class=\"num\">" + fixed(m.time, 2) + "</td><td>" + escape_markup(m.phase) +
+           "</td></tr>\n";
+  }
+  return out + "</table></div>\n" + list_of("It holds for:", certificate.covered) +
+         list_of("It says nothing about:", certificate.not_covered);
+}
+
 // The paper's figures (section V) belong to two stages only.
 std::string paper_time(const std::string& stage) {
   if (stage.find("reference") != std::string::npos) {
@@ -308,8 +348,8 @@ std::string report_html(const ReportInput& input, const ReportPictures& pictures
   out += kStyle;
   out += "</head><body><main>\n";
   out += verdict(input) + climb_pictures(input, pictures) + planned(input) + contact_tables(input) +
-         notes(input) + timing(input) + playback_pictures(input, pictures) + measurements(input) +
-         record(input, pictures);
+         notes(input) + margins(input) + timing(input) + playback_pictures(input, pictures) +
+         measurements(input) + record(input, pictures);
   return out + "</main></body></html>\n";
 }
 

@@ -25,6 +25,26 @@ using ContactTable = std::vector<ContactTableState>;
 /// Rows of a two-column table.
 using NamedValues = std::vector<std::pair<std::string, std::string>>;
 
+/// One margin of the plan's certificate, as the verifier found it.
+struct CertifiedMargin {
+  std::string name;
+  std::string unit;
+  double worst = 0.0;     ///< at a sample
+  double with_gap = 0.0;  ///< the worst that may be between samples
+  double limit = 0.0;
+  double time = 0.0;  ///< s
+  std::string phase;
+};
+
+/// The plan's certificate; `samples` 0: there is none.
+struct CertificateTable {
+  bool valid = false;
+  std::size_t samples = 0;
+  std::vector<CertifiedMargin> margins;
+  std::vector<std::string> covered;
+  std::vector<std::string> not_covered;
+};
+
 struct ReportInput {
   Plan plan;
   RunData climb;
@@ -32,6 +52,7 @@ struct ReportInput {
   ContactTable contacts;          ///< every state of the playback analysis
   ContactTable reduced_contacts;  ///< only those with absolute stability
   Summary summary;
+  CertificateTable certificate;
   NamedValues counters;     ///< telemetry and DDS: frames published, dropped ...
   NamedValues environment;  ///< versions of tool, libraries, compiler, system
 };

@@ -314,7 +314,7 @@ TEST(CommandLine, HelpAndVersionAreFine) {
   EXPECT_THAT(version.out, testing::StartsWith("clamber "));
   EXPECT_THAT(test::clamber("--help", folder.path()).out, HasSubstr("clamber climb"));
   for (const char* command :
-       {"climb", "import", "playback", "contacts", "plan", "run", "monitor", "report"}) {
+       {"climb", "import", "playback", "contacts", "plan", "verify", "run", "monitor", "report"}) {
     const test::CommandResult help = test::clamber(std::string(command) + " --help", folder.path());
     EXPECT_EQ(help.exit_code, 0) << command;
     EXPECT_THAT(help.out, HasSubstr("Example")) << command;

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <future>
 #include <nlohmann/json.hpp>
 
@@ -65,9 +66,36 @@ TEST_F(ClimbEndToEnd, StaysWithinTheTorqueLimits) {
   EXPECT_GT(s.at("peak_torque_nm").at("playback").at("value").get<double>(), 0.0);
 }
 
+TEST_F(ClimbEndToEnd, ThePlanIsCertifiedAndNothingElseRuns) {
+  const json certificate = summary().at("certificate");
+  EXPECT_EQ(certificate.at("valid"), true);
+  EXPECT_GE(certificate.at("samples").get<std::size_t>(), 4000u);
+  EXPECT_EQ(certificate.at("sha256"), sha256_file(file("plan.cert")));
+  const std::string climb = file("").string();
+  EXPECT_EQ(test::clamber("verify '" + climb + "plan.json' --image '" + climb + "plan.img'",
+                          first_->path())
+                .exit_code,
+            0);
+  const test::CommandResult asked =
+      test::clamber("verify '" + climb + "plan.json' --json", first_->path());
+  EXPECT_EQ(json::parse(asked.out).at("margins").size(), 20u);
+
+  std::string plan = test::text_of(file("plan.json"));
+  plan.replace(plan.find("0.8"), 3, "0.7");
+  std::ofstream(first_->path() / "tampered.json") << plan;
+  const std::string with = "tampered.json --certificate '" + climb + "plan.cert'";
+  EXPECT_EQ(test::clamber("verify " + with, first_->path()).exit_code, 1);
+  const test::CommandResult run = test::clamber("run --no-dds " + with, first_->path());
+  EXPECT_EQ(run.exit_code, 1);
+  EXPECT_THAT(run.error, testing::HasSubstr("its certificate is refused"));
+  const test::CommandResult bare = test::clamber("run --no-dds tampered.json", first_->path());
+  EXPECT_EQ(bare.exit_code, 2);
+  EXPECT_THAT(bare.error, testing::HasSubstr("the plan has no certificate"));
+}
+
 TEST_F(ClimbEndToEnd, TwoClimbsGiveTheSameBytes) {
-  for (const char* name : {"motion.csv", "contacts.yaml", "plan.json", "plan.img", "trajectory.csv",
-                           "costs.csv", "climb.log", "playback.log"})
+  for (const char* name : {"motion.csv", "contacts.yaml", "plan.json", "plan.cert", "plan.img",
+                           "trajectory.csv", "costs.csv", "climb.log", "playback.log"})
     EXPECT_EQ(sha256_file(file(name)), sha256_file(again(name))) << name;
   EXPECT_EQ(summary().at("plan_sha256"), sha256_file(file("plan.json")));
   EXPECT_EQ(summary().at("log_sha256"), sha256_file(file("climb.log")));

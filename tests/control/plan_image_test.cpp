@@ -87,7 +87,7 @@ TEST(PlanImage, RefusesEveryTruncation) {
 TEST(PlanImage, NamesWhatIsWrong) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(open(with_header([](auto& h) { h.magic[0] = 'X'; })), PlanImageStatus::kBadMagic);
-  EXPECT_EQ(open(with_header([](auto& h) { h.version = 2; })), PlanImageStatus::kBadVersion);
+  EXPECT_EQ(open(with_header([](auto& h) { h.version = 1; })), PlanImageStatus::kBadVersion);
   EXPECT_EQ(open(with_header([](auto& h) { h.keyframe_count = 1; })),
             PlanImageStatus::kBadKeyframeCount);
   EXPECT_EQ(open(with_header([](auto& h) { h.keyframe_count = 0xFFFFFFFF; })),
@@ -110,6 +110,19 @@ TEST(PlanImage, NamesWhatIsWrong) {
             PlanImageStatus::kPositionLimit);
   EXPECT_EQ(open(with_keyframes([](auto& k) { k[3].tau[1] = -30.1; })),
             PlanImageStatus::kTorqueLimit);
+}
+
+TEST(PlanImage, RefusesAPlanWithoutCertificateUnlessToldOtherwise) {
+  for (const auto& image : {with_header([](auto& h) { h.certificate.fill('\0'); }),
+                            with_header([](auto& h) { h.certificate[63] = '\0'; }),
+                            with_header([](auto& h) { h.certificate[0] = 'G'; })}) {
+    EXPECT_EQ(open(image), PlanImageStatus::kUncertified);
+    const Robot robot;
+    PlanRequirements requirements = robot.requirements();
+    requirements.accept_uncertified = true;
+    PlanImageView view;
+    EXPECT_EQ(open_plan_image(image, requirements, view), PlanImageStatus::kOk);
+  }
 }
 
 TEST(PlanImage, TellsWhereTheFaultLies) {

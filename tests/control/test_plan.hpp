@@ -34,6 +34,7 @@ inline std::vector<std::byte> make_image(std::uint32_t joints,
   PlanImageHeader header;
   header.joint_count = joints;
   std::copy(kRobotHash.begin(), kRobotHash.end(), header.robot_hash.begin());
+  header.certificate.fill('0');
   header.friction = 0.8;
   std::vector<std::byte> image(plan_image_size(keyframes.size()));
   if (!write_plan_image(header, keyframes, image)) image.clear();

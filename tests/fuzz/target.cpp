@@ -328,7 +328,7 @@ bool run_plan_image(const std::string& bytes) {
 }
 
 std::vector<std::string> plan_image_seeds() {
-  const std::vector<std::byte> image = plan_to_image(made_plan());
+  const std::vector<std::byte> image = plan_to_image(made_plan(), std::string(64, '0'));
   return {std::string(reinterpret_cast<const char*>(image.data()), image.size())};
 }
 

@@ -216,7 +216,7 @@ TEST_F(PlanFile, ExportsAHundredRowsASecondThroughTheKeyframes) {
 
 TEST_F(PlanFile, TheImageHoldsThePlan) {
   const Plan plan = make_plan();
-  const std::vector<std::byte> image = plan_to_image(plan);
+  const std::vector<std::byte> image = plan_to_image(plan, std::string(64, '0'));
   save_plan_image(image, folder_ / "plan.image");
   EXPECT_EQ(read_plan_image(folder_ / "plan.image"), image);
   const std::vector<double> lower{-2.0, -2.0}, upper{2.0, 2.0}, torque{50.0, 50.0};

@@ -1,0 +1,128 @@
+#include "apps/certification.hpp"
+
+#include <cstdio>
+#include <filesystem>
+
+#include "apps/config_files.hpp"
+#include "apps/options.hpp"
+#include "certificate/writer.hpp"
+#include "planner_offline/plan_image.hpp"
+#include "robot_model/loader.hpp"
+#include "robot_model/read_file.hpp"
+#include "robot_model/sha256.hpp"
+
+namespace clamber {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+std::string image_digest(const std::string& plan_file) {
+  const std::vector<std::byte> image = plan_to_image(load_plan(plan_file));
+  return sha256_hex({reinterpret_cast<const char*>(image.data()), image.size()});
+}
+
+Json coverage_of(const std::string& certificate) {
+  // parse_certificate() has seen the header before.
+  return Json::parse(certificate.substr(0, certificate.find('\n'))).at("coverage");
+}
+
+bool judged(std::size_t quantity) { return kQuantities[quantity].sense != Sense::kRecord; }
+
+}  // namespace
+
+std::string certificate_beside(const std::string& plan_file) {
+  return std::filesystem::path(plan_file).replace_extension(".cert").string();
+}
+
+Certification certify_plan_file(const std::string& plan_file, const std::string& certificate_file,
+                                const RobotModel& model, const Scenario& scenario,
+                                const std::string& margins) {
+  const PlannedMotion motion(read_file(plan_file), plan_file, model, scenario);
+  Certificate certificate = certify(motion, model, scenario, load_acceptance(find_file(margins)));
+  certificate.header.image_sha256 = image_digest(plan_file);
+  make_folder_of(certificate_file);
+  save_certificate(certificate, certificate_file);
+  return verify_plan_file(plan_file, certificate_file, model, scenario, margins);
+}
+
+Certification verify_plan_file(const std::string& plan_file, const std::string& certificate_file,
+                               const RobotModel& model, const Scenario& scenario,
+                               const std::string& margins) {
+  std::error_code error;
+  if (!std::filesystem::exists(certificate_file, error))
+    throw InputError(certificate_file + ": no such file: the plan has no certificate");
+  const std::string bytes = read_file(certificate_file), plan = read_file(plan_file);
+  const Certificate certificate = parse_certificate(bytes, certificate_file);
+  Certification out{sha256_hex(bytes), {}, coverage_of(bytes)};
+  if (const std::string sha256 = sha256_hex(plan); sha256 != certificate.header.plan_sha256) {
+    out.report.violations = 1;
+    out.report.reason = "the plan is not the one certified: its SHA-256 is " + sha256 + ", not " +
+                        certificate.header.plan_sha256;
+    return out;
+  }
+  const PlannedMotion motion(plan, plan_file, model, scenario);
+  out.report = verify(motion, certificate, model, scenario, load_acceptance(find_file(margins)),
+                      {.all = true});
+  return out;
+}
+
+std::string check_image_file(const std::string& image_file, const std::string& plan_file,
+                             const std::string& certificate_file, const RobotModel& model,
+                             const Scenario& scenario) {
+  const std::string bytes = read_file(certificate_file);
+  const PlannedMotion motion(read_file(plan_file), plan_file, model, scenario);
+  return check_image(read_plan_image(image_file), motion,
+                     parse_certificate(bytes, certificate_file), sha256_hex(bytes));
+}
+
+std::string describe(const Certification& certification) {
+  const VerifyReport& report = certification.report;
+  char text[200];
+  std::string out;
+  if (!report.quantities.empty()) {
+    std::snprintf(text, sizeof text, "%-22s %11s %11s %11s  %-6s %8s  %s\n", "quantity", "worst",
+                  "with gaps", "limit", "unit", "time (s)", "phase");
+    out += text;
+  }
+  for (std::size_t q = 0; q < report.quantities.size(); ++q) {
+    if (!judged(q)) continue;
+    const VerifiedQuantity& v = report.quantities[q];
+    std::snprintf(text, sizeof text, "%-22s %11.4g %11.4g %11.4g  %-6s %8.3f  %s\n",
+                  kQuantities[q].name, v.worst.value, v.worst.proven, v.limit, kQuantities[q].unit,
+                  v.worst.time, v.phase.c_str());
+    out += text;
+  }
+  if (report.valid) {
+    std::snprintf(text, sizeof text, "certificate: valid, %zu samples\n", report.samples);
+    return out + text;
+  }
+  std::snprintf(text, sizeof text, "certificate: REFUSED, %zu violations: ", report.violations);
+  return out + text + report.reason + '\n';
+}
+
+Json to_json(const Certification& certification) {
+  const VerifyReport& report = certification.report;
+  Json margins = Json::array();
+  for (std::size_t q = 0; q < report.quantities.size(); ++q) {
+    if (!judged(q)) continue;
+    const VerifiedQuantity& v = report.quantities[q];
+    margins.push_back({{"name", kQuantities[q].name},
+                       {"unit", kQuantities[q].unit},
+                       {"worst", v.worst.value},
+                       {"with_gap", v.worst.proven},
+                       {"limit", v.limit},
+                       {"time", v.worst.time},
+                       {"phase", v.phase}});
+  }
+  return {{"valid", report.valid},
+          {"reason", report.reason},
+          {"sha256", certification.sha256},
+          {"samples", report.samples},
+          {"violations", report.violations},
+          {"gravity_error", report.gravity_error},
+          {"margins", margins},
+          {"covered", certification.coverage.at("covered")},
+          {"not_covered", certification.coverage.at("not_covered")}};
+}
+
+}  // namespace clamber

@@ -1,0 +1,266 @@
+#include "certificate/certificate.hpp"
+
+#include <bit>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "robot_model/loader.hpp"
+#include "robot_model/sha256.hpp"
+
+namespace clamber {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+static_assert(std::endian::native == std::endian::little, "the samples are written as they lie");
+
+constexpr const char* kFormat = "clamber certificate";
+constexpr int kVersion = 1;
+constexpr std::size_t kSampleDoubles = 2 + 2 * kQuantityCount;  // the mask takes one's place
+
+Json limits_json(const Acceptance& acceptance) {
+  Json json;
+  for (std::size_t q = 0; q < kQuantityCount; ++q)
+    if (kQuantities[q].sense != Sense::kRecord)
+      json[kQuantities[q].name] = acceptance.limit.values[q];
+  return json;
+}
+
+Json acceptance_json(const Acceptance& acceptance) {
+  return {{"uncertainty",
+           {{"friction_share", acceptance.uncertainty.friction_share},
+            {"mass_share", acceptance.uncertainty.mass_share}}},
+          {"limits", limits_json(acceptance)},
+          {"residual_moment_at_samples", acceptance.at_samples_moment},
+          {"stored_tolerance", acceptance.stored_tolerance}};
+}
+
+Acceptance acceptance_of(const Json& json) {
+  Acceptance acceptance;
+  const Json& uncertainty = json.at("uncertainty");
+  acceptance.uncertainty.friction_share = uncertainty.at("friction_share").get<double>();
+  acceptance.uncertainty.mass_share = uncertainty.at("mass_share").get<double>();
+  for (std::size_t q = 0; q < kQuantityCount; ++q)
+    if (kQuantities[q].sense != Sense::kRecord)
+      acceptance.limit.values[q] = json.at("limits").at(kQuantities[q].name).get<double>();
+  acceptance.at_samples_moment = json.at("residual_moment_at_samples").get<double>();
+  acceptance.stored_tolerance = json.at("stored_tolerance").get<double>();
+  return acceptance;
+}
+
+std::string percent(double share) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3g %%", 100.0 * share);
+  return text;
+}
+
+/// What the margins hold for, and what nobody should read into them.
+Json coverage_json(const Certificate& certificate) {
+  const CertificateHeader& h = certificate.header;
+  const Uncertainty& u = h.acceptance.uncertainty;
+  const double certified = u.friction_share * h.friction;
+  char text[300];
+  Json covered = Json::array(), open = Json::array();
+  std::snprintf(text, sizeof text,
+                "friction %.3g and above on every surface (the scenario's is %.3g): the contact "
+                "forces lie in the cones of %.3g",
+                certified, h.friction, certified);
+  covered.push_back(text);
+  covered.push_back("all masses larger or smaller by up to " + percent(u.mass_share) +
+                    " together: forces and torques scale alike, cones do not care, and "
+                    "torque_slack_heavy holds");
+  (worst_of(certificate, Quantity::kSupportMarginMass).proven >= 0.0 ? covered : open)
+      .push_back("single links' masses wrong by up to " + percent(u.mass_share) +
+                 ", as to the centre of mass above its support: support_margin_mass");
+  open.push_back("single links' masses, as to joint torques and contact forces");
+  std::snprintf(text, sizeof text,
+                "an obstacle higher by up to %.1f mm, as to links that shall not touch it: "
+                "obstacle_clearance",
+                1e3 * worst_of(certificate, Quantity::kObstacleClearance).proven);
+  covered.push_back(text);
+  std::snprintf(text, sizeof text,
+                "obstacle height, +-1 cm included, as to contacts and forces: they are checked at "
+                "%.4g m",
+                h.obstacle_height);
+  open.push_back(text);
+  open.push_back(
+      "start pose, +-2 cm and +-2 degrees included: contacts move with the robot; "
+      "edge_distance says how far they may go on their surface, clearances are not "
+      "covered");
+  open.push_back(
+      "inertia: the forces balance the robot at rest; support_margin_moving is what its "
+      "motion leaves, at the samples");
+  return {{"covered", covered}, {"not_covered", open}};
+}
+
+Json worst_json(const Certificate& certificate) {
+  Json json;
+  for (std::size_t q = 0; q < kQuantityCount; ++q) {
+    if (kQuantities[q].sense == Sense::kRecord) continue;
+    const WorstValue worst = worst_of(certificate, static_cast<Quantity>(q));
+    json[kQuantities[q].name] = {{"value", worst.value},
+                                 {"with_gap", worst.proven},
+                                 {"time", worst.time},
+                                 {"unit", kQuantities[q].unit}};
+  }
+  return json;
+}
+
+template <class T>
+void put(std::string& out, const T& value) {
+  out.append(reinterpret_cast<const char*>(&value), sizeof value);
+}
+
+class Bytes {
+ public:
+  Bytes(std::string_view bytes, const std::string& file) : rest_(bytes), file_(file) {}
+  template <class T>
+  void take(T& value) {
+    if (rest_.size() < sizeof value) throw InputError(file_ + ": the samples are cut short");
+    std::memcpy(&value, rest_.data(), sizeof value);
+    rest_.remove_prefix(sizeof value);
+  }
+  [[nodiscard]] bool empty() const { return rest_.empty(); }
+
+ private:
+  std::string_view rest_;
+  const std::string& file_;
+};
+
+}  // namespace
+
+std::string limits_digest(const RobotModel& model) {
+  Json json = Json::array();
+  for (const Joint& joint : model.joints)
+    json.push_back(
+        {joint.name, joint.lower, joint.upper, joint.velocity_limit, joint.torque_limit});
+  return sha256_hex(json.dump());
+}
+
+WorstValue worst_of(const Certificate& certificate, Quantity quantity) {
+  const double sign =
+      kQuantities[static_cast<std::size_t>(quantity)].sense == Sense::kError ? -1 : 1;
+  WorstValue worst{sign * 1e300, sign * 1e300, 0.0};
+  for (const CertificateSample& sample : certificate.samples) {
+    const double value = sample.measured.value[quantity];
+    const double proven = value - sign * sample.measured.gap[quantity];
+    if (sign * value < sign * worst.value) worst.value = value;
+    if (sign * proven < sign * worst.proven) {
+      worst.proven = proven;
+      worst.time = sample.time;
+    }
+  }
+  return worst;
+}
+
+namespace {
+
+std::string format_samples(const Certificate& certificate) {
+  std::string body;
+  body.reserve(certificate.samples.size() * (kSampleDoubles + 30) * sizeof(double));
+  for (const CertificateSample& sample : certificate.samples) {
+    put(body, sample.time);
+    put(body, sample.touching);
+    put(body, sample.measured.value.values);
+    put(body, sample.measured.gap.values);
+    for (const Eigen::Vector3d& force : sample.forces)
+      for (const double x : {force.x(), force.y(), force.z()}) put(body, x);
+  }
+  return body;
+}
+
+std::string format_header(const Certificate& certificate, std::string_view body) {
+  const CertificateHeader& h = certificate.header;
+  Json json = {{"format", kFormat},
+               {"version", kVersion},
+               {"tool_version", h.tool_version},
+               {"plan_sha256", h.plan_sha256},
+               {"image_sha256", h.image_sha256},
+               {"robot", h.robot},
+               {"robot_hash", h.robot_hash},
+               {"scenario", h.scenario},
+               {"scenario_hash", h.scenario_hash},
+               {"limits_sha256", h.limits_sha256},
+               {"friction", h.friction},
+               {"obstacle_height", h.obstacle_height},
+               {"ballast_mass", h.ballast_mass},
+               {"total_mass", h.total_mass},
+               {"spacing", h.spacing},
+               {"samples", certificate.samples.size()},
+               {"samples_sha256", sha256_hex(body)},
+               {"acceptance", acceptance_json(h.acceptance)},
+               {"coverage", coverage_json(certificate)},
+               {"worst", worst_json(certificate)}};
+  return json.dump() + '\n';
+}
+
+}  // namespace
+
+std::string format_certificate(const Certificate& certificate) {
+  const std::string body = format_samples(certificate);
+  return format_header(certificate, body) + body;
+}
+
+Certificate parse_certificate(std::string_view bytes, const std::string& file) {
+  const std::size_t line = bytes.find('\n');
+  if (line == std::string_view::npos) throw InputError(file + ": not a certificate");
+  Certificate certificate;
+  CertificateHeader& h = certificate.header;
+  const std::string_view body = bytes.substr(line + 1);
+  std::size_t count = 0;
+  std::string samples_sha256;
+  try {
+    const Json json = Json::parse(bytes.substr(0, line));
+    if (json.at("format") != kFormat || json.at("version") != kVersion)
+      throw InputError(file + ": expected a \"" + kFormat + "\" of version 1");
+    h.tool_version = json.at("tool_version").get<std::string>();
+    h.plan_sha256 = json.at("plan_sha256").get<std::string>();
+    h.image_sha256 = json.at("image_sha256").get<std::string>();
+    h.robot = json.at("robot").get<std::string>();
+    h.robot_hash = json.at("robot_hash").get<std::string>();
+    h.scenario = json.at("scenario").get<std::string>();
+    h.scenario_hash = json.at("scenario_hash").get<std::string>();
+    h.limits_sha256 = json.at("limits_sha256").get<std::string>();
+    h.friction = json.at("friction").get<double>();
+    h.obstacle_height = json.at("obstacle_height").get<double>();
+    h.ballast_mass = json.at("ballast_mass").get<double>();
+    h.total_mass = json.at("total_mass").get<double>();
+    h.spacing = json.at("spacing").get<double>();
+    count = json.at("samples").get<std::size_t>();
+    samples_sha256 = json.at("samples_sha256").get<std::string>();
+    h.acceptance = acceptance_of(json.at("acceptance"));
+  } catch (const Json::exception& error) {
+    throw InputError(file + ": not a certificate: " + error.what());
+  }
+  if (sha256_hex(body) != samples_sha256)
+    throw InputError(file + ": the samples are not those that the header names");
+  if (count > body.size() / (kSampleDoubles * sizeof(double)))
+    throw InputError(file + ": the samples are cut short");
+  Bytes rest(body, file);
+  certificate.samples.resize(count);
+  for (CertificateSample& sample : certificate.samples) {
+    rest.take(sample.time);
+    rest.take(sample.touching);
+    rest.take(sample.measured.value.values);
+    rest.take(sample.measured.gap.values);
+    sample.forces.resize(static_cast<std::size_t>(std::popcount(sample.touching)));
+    for (Eigen::Vector3d& force : sample.forces)
+      for (Eigen::Index i = 0; i < 3; ++i) rest.take(force[i]);
+  }
+  if (!rest.empty()) throw InputError(file + ": more bytes than samples");
+  // One certificate, one text: what is derived from the samples is theirs, and nothing is added.
+  if (format_header(certificate, body) != bytes.substr(0, line + 1))
+    throw InputError(file + ": the header is not the one that these samples give");
+  return certificate;
+}
+
+void save_certificate(const Certificate& certificate, const std::filesystem::path& file) {
+  std::ofstream out(file, std::ios::binary);
+  out << format_certificate(certificate);
+  out.close();
+  if (!out) throw InputError(file.string() + ": cannot write the certificate");
+}
+
+}  // namespace clamber
