@@ -142,7 +142,12 @@ void Clearance::find_near(const RobotData& data, const ContactSet& contacts,
         add_witnesses(solids[g], parts);
       }
       for (const Solid& part : parts) {
-        consider(to_surface(part), margin, geom);
+        const Distance d = to_surface(part);
+        // Often the end or corner is the nearest point itself: one row for it is enough.
+        constexpr double kSamePoint = 1e-9;
+        if (!d.on_a.isApprox(whole.on_a, kSamePoint)) {
+          consider(d, margin, geom);
+        }
       }
     }
   }
