@@ -58,7 +58,7 @@ struct Bus {
   std::vector<JointDrive> drives;     ///< in sending order
   // kCia402 only
   Cia402Mode mode = Cia402Mode::kCyclicTorque;
-  std::uint8_t host_node = 127;
+  std::uint8_t host_node = 1;
   double heartbeat = 0.02;  ///< s between heartbeats, host's and drives'; lost after 2.5 of them
   LostHostReaction lost_host = LostHostReaction::kQuickStop;
 

@@ -37,11 +37,11 @@ void add_mit(const BusMap& map, const Bus& bus, std::vector<PlannedFrame>& frame
 void add_cia402(const BusMap& map, const Bus& bus, std::vector<PlannedFrame>& frames) {
   const double tick = 1.0 / map.rate;
   const std::size_t command = bus.mode == Cia402Mode::kCyclicTorque ? 4 : 8;
+  frames.push_back({"host heartbeat", 0x700u + bus.host_node, 1, {}, true, -1, bus.heartbeat});
   for (const JointDrive& drive : bus.drives)
     frames.push_back({drive.name + " RPDO1", 0x200u + drive.node, command, {}, true, -1, tick});
   frames.push_back({"SYNC", 0x080, 0, {}, true, -1, tick});
   const int sync = static_cast<int>(frames.size()) - 1;
-  frames.push_back({"host heartbeat", 0x700u + bus.host_node, 1, {}, true, -1, bus.heartbeat});
   for (const JointDrive& drive : bus.drives)
     frames.push_back({drive.name + " TPDO1", 0x180u + drive.node, 8, {}, false, sync, tick});
   for (const JointDrive& drive : bus.drives)
@@ -55,6 +55,8 @@ double seconds(const FrameBits& bits, const Bus& bus) {
 
 /// Which other frames of a tick can be sent between the release of one frame and its reception.
 ///
+/// Heartbeats count as frames of every tick: their period is many ticks, and what is left of the
+/// drives' ones at the end of a tick has the lowest priority in the next.
 /// Every frame of a tick is released by it, at most once, and the bus has no backlog at its start
 /// when every response stays below the tick: so each other frame delays this one once at most, if
 ///   - it wins arbitration against it or, in the host's one queue, against one that waits before

@@ -47,7 +47,9 @@ struct BusBudget {
   std::vector<FrameBudget> frames;
 };
 
-/// Response times assume no errors and a bus that carries only the planned frames.
+/// Response times assume no errors, a bus that carries only the planned frames, one
+/// first-in-first-out queue in the host (SocketCAN) and drives that send the most urgent of their
+/// frames first.
 [[nodiscard]] std::vector<BusBudget> bus_budgets(const BusMap& map);
 
 /// One line: which bus does not fit, by how much, what would.

@@ -63,6 +63,10 @@ void Cia402Host::begin_tick(std::span<const JointCommand> commands, FrameList& o
   out.clear();
   for (std::size_t i = 0; i < size_; ++i) supervise(i);
   count_tick();
+  // First, while the bus is free: with its low priority it would hold up, at the end of the queue,
+  // the next tick's commands behind all that is sent meanwhile.
+  if ((tick_ - 1) % heartbeat_ticks_ == 0)
+    out.push(encode_heartbeat(settings_.node, NmtState::kOperational));
   bool running = false;
   for (std::size_t i = 0; i < size_; ++i) {
     links_[i].expected = drives_[i].stage == Stage::kRunning;
@@ -72,8 +76,6 @@ void Cia402Host::begin_tick(std::span<const JointCommand> commands, FrameList& o
     running = true;
   }
   if (running) out.push(encode_sync());
-  if ((tick_ - 1) % heartbeat_ticks_ == 0)
-    out.push(encode_heartbeat(settings_.node, NmtState::kOperational));
   for (std::size_t i = 0; i < size_; ++i)
     if (drives_[i].stage != Stage::kRunning) bring_up(i, out);
 }

@@ -15,7 +15,7 @@ namespace clamber {
 struct Cia402HostSettings {
   double tick = 0.001;      ///< s
   double heartbeat = 0.02;  ///< s between heartbeats, host's and drives'
-  std::uint8_t node = 127;  ///< the host's
+  std::uint8_t node = 1;    ///< the host's; low, so that its heartbeat goes before the drives'
   LostHostReaction lost_host = LostHostReaction::kQuickStop;
 };
 

@@ -266,7 +266,7 @@ class Cia402HostTest : public testing::TestWithParam<Cia402Mode> {
     rig.drive(0).q = 0.3;
     rig.drive(1).q = -0.7;
   }
-  static Cia402HostSettings settings() { return {kTick, 0.02, 127, LostHostReaction::kQuickStop}; }
+  static Cia402HostSettings settings() { return {kTick, 0.02, 1, LostHostReaction::kQuickStop}; }
   static Cia402Drive codec(std::uint8_t node) { return {node, GetParam(), 1e5, 0.02, 54.0}; }
   static test::BenchCia402Drive bench(std::uint8_t node) {
     test::BenchCia402Drive drive;
@@ -295,7 +295,7 @@ TEST_P(Cia402HostTest, ConfiguresAndReadsWithoutEnabling) {
   rig.ticks(50);
   auto& objects = rig.drive(0).objects;
   EXPECT_EQ(objects[0x101700], 20u);
-  EXPECT_EQ(objects[0x101601], 127u << 16 | 50u);
+  EXPECT_EQ(objects[0x101601], 1u << 16 | 50u);
   EXPECT_EQ(objects[0x600700], 3u);
   EXPECT_EQ(objects[0x606000], static_cast<std::uint32_t>(GetParam()));
   EXPECT_EQ(objects[0x140001], 0x229u);
