@@ -26,7 +26,7 @@ using Json = nlohmann::ordered_json;
 
 struct Count {
   std::size_t tried = 0, refused = 0;
-  std::size_t unphysical = 0;  ///< refused by a margin or the balance, not by a stored number
+  std::size_t unphysical = 0;  ///< refused even if no stored number is looked at
 };
 
 class Mutations {
@@ -186,12 +186,16 @@ class Mutations {
     Certificate bound = certificate;
     CertificateHeader& h = bound.header;
     h.plan_sha256 = motion.sha256;
+    h.image_sha256 = image_digest(motion, model);
     h.limits_sha256 = limits_digest(model);
     h.friction = scenario.friction;
     h.obstacle_height = scenario.obstacles.front().top();
     h.total_mass = 0.0;
     for (const Body& body : model.bodies) h.total_mass += body.mass;
-    return verify(motion, bound, model, scenario, acceptance_);
+    VerifyReport report = verify(motion, bound, model, scenario, acceptance_);
+    report.unphysical =
+        verify(motion, bound, model, scenario, acceptance_, {.stored = false}).valid ? 0 : 1;
+    return report;
   }
 
   void note(const char* name, const std::function<VerifyReport()>& work) {

@@ -1,11 +1,13 @@
 #include "certificate/certificate.hpp"
 
+#include <algorithm>
 #include <bit>
 #include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "control/plan_image.hpp"
 #include "robot_model/loader.hpp"
 #include "robot_model/sha256.hpp"
 
@@ -137,6 +139,28 @@ std::string limits_digest(const RobotModel& model) {
     json.push_back(
         {joint.name, joint.lower, joint.upper, joint.velocity_limit, joint.torque_limit});
   return sha256_hex(json.dump());
+}
+
+std::string image_digest(const PlannedMotion& motion, const RobotModel& model) {
+  PlanImageHeader header;
+  header.joint_count = static_cast<std::uint32_t>(model.joints.size());
+  const auto put_text = [](const std::string& text, std::array<char, 64>& field) {
+    std::copy_n(text.begin(), std::min(text.size(), field.size()), field.begin());
+  };
+  put_text(motion.robot_hash, header.robot_hash);
+  put_text(motion.scenario_hash, header.scenario_hash);
+  header.friction = motion.friction;
+  std::vector<ImageKeyframe> keyframes(motion.knots.size());
+  for (std::size_t k = 0; k < keyframes.size(); ++k) {
+    const MotionKnot& knot = motion.knots[k];
+    keyframes[k].time = knot.time;
+    keyframes[k].phase = static_cast<std::uint32_t>(knot.phase);
+    std::copy(knot.q.begin(), knot.q.end(), keyframes[k].q.begin());
+    std::copy(knot.tau.begin(), knot.tau.end(), keyframes[k].tau.begin());
+  }
+  std::vector<std::byte> image(plan_image_size(keyframes.size()));
+  if (!write_plan_image(header, keyframes, image)) throw InputError("plan: no keyframes");
+  return sha256_hex({reinterpret_cast<const char*>(image.data()), image.size()});
 }
 
 WorstValue worst_of(const Certificate& certificate, Quantity quantity) {

@@ -47,6 +47,10 @@ struct Certificate {
 /// Joint names, position, velocity and torque limits, as one digest.
 [[nodiscard]] std::string limits_digest(const RobotModel& model);
 
+/// SHA-256 of the plan image (control/plan_image.hpp) that these keyframes make, without a
+/// certificate's digest in it.
+[[nodiscard]] std::string image_digest(const PlannedMotion& motion, const RobotModel& model);
+
 /// The file's bytes. The header's `worst` table and `covers` text are derived when written.
 [[nodiscard]] std::string format_certificate(const Certificate& certificate);
 /// @throws InputError for anything that is not a certificate, or is cut short or too long

@@ -79,6 +79,8 @@ class Verifier {
       return std::string(what) + ": certified for '" + is + "', not '" + wanted + "'";
     };
     if (h.plan_sha256 != motion_.sha256) return differs("plan", h.plan_sha256, motion_.sha256);
+    if (const std::string image = image_digest(motion_, model_); h.image_sha256 != image)
+      return differs("plan image", h.image_sha256, image);
     if (h.robot_hash != model_.hash) return differs("robot model", h.robot_hash, model_.hash);
     if (h.robot != model_.name) return differs("robot", h.robot, model_.name);
     if (motion_.robot_hash != model_.hash)
@@ -140,7 +142,9 @@ class Verifier {
       ++report_.unphysical;
       return wrong;
     }
-    if (const std::string wrong = check_stored(stored.measured, here); !wrong.empty()) return wrong;
+    if (options_.stored)
+      if (const std::string wrong = check_stored(stored.measured, here); !wrong.empty())
+        return wrong;
     return i % kGravityEvery == 0 ? check_gravity() : std::string();
   }
 

@@ -38,6 +38,8 @@ struct VerifyReport {
 
 struct VerifyOptions {
   bool all = false;  ///< go on after the first violation, to count them and find the worst
+  bool stored =
+      true;  ///< compare stored numbers; false: ask only whether the witness still carries
 };
 
 /// Judges. A file that cannot be read as what it should be is an InputError; one that can and does

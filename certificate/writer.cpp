@@ -223,6 +223,7 @@ Certificate certify(const PlannedMotion& motion, const RobotModel& model, const 
   CertificateHeader& header = certificate.header;
   header.tool_version = motion.tool_version;
   header.plan_sha256 = motion.sha256;
+  header.image_sha256 = image_digest(motion, model);
   header.robot = model.name;
   header.robot_hash = model.hash;
   header.scenario = scenario.name;
