@@ -13,6 +13,10 @@
 
 #include "apps/run_log.hpp"
 #include "control/crc32c.hpp"
+#include "firmware_hal/bus_model/bus_budget.hpp"
+#include "firmware_hal/candump.hpp"
+#include "firmware_hal/frame_text.hpp"
+#include "firmware_hal/motor_types.hpp"
 #include "planner_offline/contacts/contact_sequence.hpp"
 #include "planner_offline/plan.hpp"
 #include "planner_offline/plan_image.hpp"
@@ -27,6 +31,7 @@
 #include "robot_model/tree_builder.hpp"
 #include "robot_model/urdf_document.hpp"
 #include "sim_backend/scenario.hpp"
+#include "tests/firmware_hal/frame_storm.hpp"
 #include "tests/planner_offline/recording/made_positions.hpp"
 #include "tools/mvnx_writer.hpp"
 
@@ -358,6 +363,118 @@ std::vector<std::string> run_log_seeds() {
   return {read_file(scratch().file("seed.log"))};
 }
 
+// ---- the motor bus
+
+/// Records of 72 bytes: flags, length, id, two unused, data.
+constexpr std::size_t kFrameRecord = 72;
+
+CanFrame frame_from(const char* record) {
+  const auto byte = [&](std::size_t i) { return static_cast<std::uint8_t>(record[i]); };
+  CanFrame frame;
+  frame.extended = (byte(0) & 1) != 0;
+  frame.remote = (byte(0) & 2) != 0;
+  frame.error = (byte(0) & 4) != 0;
+  frame.fd = (byte(0) & 8) != 0;
+  frame.brs = (byte(0) & 16) != 0;
+  frame.esi = (byte(0) & 32) != 0;
+  frame.length = std::min<std::uint8_t>(byte(1), 64);
+  std::memcpy(&frame.id, record + 2, sizeof frame.id);
+  std::memcpy(frame.data.data(), record + 8, frame.data.size());
+  return frame;
+}
+
+bool run_frames(const std::string& bytes) {
+  if (bytes.empty() || bytes.size() % kFrameRecord != 0) return false;
+  test::FrameStorm storm;
+  for (std::size_t at = 0; at < bytes.size(); at += kFrameRecord) {
+    const char* broken = storm.take(frame_from(bytes.data() + at));
+    demand(broken == nullptr, broken);
+  }
+  return true;
+}
+
+std::vector<std::string> frames_seeds() {
+  std::mt19937_64 random(1);
+  std::string bytes;
+  for (int i = 0; i < 64; ++i) {
+    const CanFrame frame = test::stormy_frame(random);
+    std::string record(kFrameRecord, '\0');
+    record[0] = static_cast<char>(frame.extended | frame.remote << 1 | frame.error << 2 |
+                                  frame.fd << 3 | frame.brs << 4 | frame.esi << 5);
+    record[1] = static_cast<char>(frame.length);
+    std::memcpy(record.data() + 2, &frame.id, sizeof frame.id);
+    std::memcpy(record.data() + 8, frame.data.data(), frame.data.size());
+    bytes += record;
+  }
+  return {bytes};
+}
+
+const RobotModel& coman() {
+  static const RobotModel robot = load_robot(kConfigs / "robots/coman/robot.yaml");
+  return robot;
+}
+
+bool run_candump(const std::string& bytes) {
+  static const BusMap mit = load_bus_map(kConfigs / "hal/coman_mit.yaml", coman());
+  static const BusMap cia402 = load_bus_map(kConfigs / "hal/coman_cia402.yaml", coman());
+  std::size_t good = 0;
+  std::size_t bad = 0;
+  for (std::size_t at = 0; at < bytes.size();) {
+    const std::size_t end = std::min(bytes.find('\n', at), bytes.size());
+    CandumpLine line;
+    if (parse_candump(std::string_view(bytes).substr(at, end - at), line) == nullptr) {
+      ++good;
+      const std::string text =
+          format_candump(line.time_us, std::string(line.interface), line.frame);
+      CandumpLine again;
+      demand(parse_candump(text, again) == nullptr && again.frame == line.frame,
+             "a line that was read can be written and read again");
+      for (const FrameText& said :
+           {describe_frame(mit.buses[0], line.frame), describe_frame(cia402.buses[0], line.frame)})
+        demand(!said.text.empty() && said.text.find('\n') == std::string::npos,
+               "a frame is one line");
+    } else {
+      ++bad;
+    }
+    at = end + 1;
+  }
+  return good > 0 && bad == 0;
+}
+
+std::vector<std::string> candump_seeds() {
+  return {
+      "(1436509052.249713) can0 029##1FFFFFFFFFFFFFFFC\n"
+      "(1436509052.249800) can0 429##119BFFFFFF000282D\n"
+      "(1436509052.249900) can0 000#0129\n(1436509052.250000) can0 123#R5\n"
+      "(1436509052.250100) can0 20000040#0000000000000000\n"
+      "(1436509052.250200) can0 1A9#370200000000F401 R\n"
+      "(1436509052.250300) can0 5A9#8017100000000206"};
+}
+
+bool run_bus_map(const std::string& bytes) {
+  return run_or_refuse([&] {
+    const BusMap map = parse_bus_map(bytes, kConfigs / "hal/fuzz.yaml", coman());
+    std::size_t drives = 0;
+    for (const Bus& bus : map.buses) drives += bus.drives.size();
+    demand(drives == coman().joints.size(), "every joint is on one bus");
+    for (const BusBudget& budget : bus_budgets(map))
+      demand(
+          budget.load > 0.0 && std::isfinite(budget.load) && !explain_refusal(map, budget).empty(),
+          "a map has a load");
+  });
+}
+
+std::vector<std::string> bus_map_seeds() {
+  return {read_file(kConfigs / "hal/coman_mit.yaml"),
+          read_file(kConfigs / "hal/coman_cia402.yaml")};
+}
+
+bool run_motors(const std::string& bytes) {
+  return run_or_refuse([&] { (void)load_motor_types(scratch().with("motors.yaml", bytes)); });
+}
+
+std::vector<std::string> motors_seeds() { return {read_file(kConfigs / "hal/motors.yaml")}; }
+
 }  // namespace
 
 const std::vector<Target>& targets() {
@@ -373,7 +490,11 @@ const std::vector<Target>& targets() {
                                        {"settings", run_settings, settings_seeds},
                                        {"plan", run_plan, plan_seeds},
                                        {"plan_image", run_plan_image, plan_image_seeds},
-                                       {"run_log", run_run_log, run_log_seeds}};
+                                       {"run_log", run_run_log, run_log_seeds},
+                                       {"frames", run_frames, frames_seeds},
+                                       {"candump", run_candump, candump_seeds},
+                                       {"bus_map", run_bus_map, bus_map_seeds},
+                                       {"motors", run_motors, motors_seeds}};
   return all;
 }
 
