@@ -65,8 +65,15 @@ void read_gain_group(const YamlNode& group, const RobotModel& robot, ControllerC
 }
 
 void read_gains(const YamlNode& root, const RobotModel& robot, ControllerConfig& config) {
-  if (const auto gains = root.find("gains"))
-    for (const YamlNode& group : gains->items()) read_gain_group(group, robot, config);
+  for (const char* key : {"gains", "feed_forward_gains"}) {
+    const auto gains = root.find(key);
+    if (!gains) continue;
+    // Checked even where it does not count: a mistake must not wait for the other mode.
+    ControllerConfig read = config;
+    for (const YamlNode& group : gains->items()) read_gain_group(group, robot, read);
+    if (std::string_view(key) == "gains" || config.feed_forward == FeedForward::kPlan)
+      config = read;
+  }
 }
 
 void take_from_robot(const RobotModel& robot, TorqueLimit limit, ControllerConfig& config) {
@@ -95,12 +102,13 @@ bool matches(std::string_view pattern, std::string_view name) {
 }
 
 ControllerConfig load_controller_config(const std::filesystem::path& file, const RobotModel& robot,
-                                        const std::filesystem::path& robot_gains) {
+                                        const std::filesystem::path& robot_gains,
+                                        std::optional<FeedForward> feed_forward) {
   const YamlNode root = YamlNode::load(file);
   root.allow_only({"rate_hz", "feed_forward", "torque_limit", "torque_rate_limit",
                    "derivative_filter", "transfer_time", "time_scale", "start", "hold_time",
                    "tracking_error_limit", "stale_ticks_limit", "overshoot_limit",
-                   "velocity_factor", "gains"});
+                   "velocity_factor", "gains", "feed_forward_gains"});
   ControllerConfig config;
   TorqueLimit limit = TorqueLimit::kPlan;
   if (const auto node = root.find("torque_limit"))
@@ -111,6 +119,7 @@ ControllerConfig load_controller_config(const std::filesystem::path& file, const
   if (const auto node = root.find("feed_forward"))
     config.feed_forward =
         read_choice(*node, "plan", "none") ? FeedForward::kPlan : FeedForward::kNone;
+  if (feed_forward) config.feed_forward = *feed_forward;
   read_positive(root, "torque_rate_limit", config.torque_rate_limit);
   read_non_negative(root, "derivative_filter", config.derivative_filter);
   read_non_negative(root, "transfer_time", config.transfer_time);
@@ -120,7 +129,7 @@ ControllerConfig load_controller_config(const std::filesystem::path& file, const
   read_supervision(root, config);
   if (!robot_gains.empty()) {
     const YamlNode own = YamlNode::load(robot_gains);
-    own.allow_only({"gains"});
+    own.allow_only({"gains", "feed_forward_gains"});
     read_gains(own, robot, config);
   }
   read_gains(root, robot, config);

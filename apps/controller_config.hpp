@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -12,13 +13,15 @@
 namespace clamber {
 
 /// The robot's limits and gains with the file's settings over them.
-/// @param robot_gains  the robot's own control.yaml, whose `gains` count for every settings file
-/// and
-///                     stay below its own; empty: it has none
+/// @param robot_gains   the robot's own control.yaml, whose `gains` count for every settings file
+///                      and stay below its own; empty: it has none
+/// @param feed_forward  instead of the file's `feed_forward`; it decides whether the
+///                      `feed_forward_gains` of both files count
 /// @throws InputError naming file, line and key; also for a gain group that matches no joint
 [[nodiscard]] ControllerConfig load_controller_config(
     const std::filesystem::path& file, const RobotModel& robot,
-    const std::filesystem::path& robot_gains = {});
+    const std::filesystem::path& robot_gains = {},
+    std::optional<FeedForward> feed_forward = std::nullopt);
 
 /// True when `name` matches `pattern`, in which `*` stands for any characters.
 [[nodiscard]] bool matches(std::string_view pattern, std::string_view name);

@@ -36,11 +36,11 @@ RobotModel load_robot(const RobotOptions& options) {
 }
 
 ControllerConfig load_control(const std::string& settings, const RobotOptions& options,
-                              const RobotModel& robot) {
+                              const RobotModel& robot, std::optional<FeedForward> feed_forward) {
   const fs::path gains = find_robot(options.robot).parent_path() / "control.yaml";
   std::error_code error;
   return load_controller_config(find_file(settings), robot,
-                                fs::exists(gains, error) ? gains : fs::path());
+                                fs::exists(gains, error) ? gains : fs::path(), feed_forward);
 }
 
 void add_scenario_options(CLI::App& command, ScenarioOptions& options) {

@@ -23,7 +23,8 @@ void add_robot_options(CLI::App& command, RobotOptions& options);
 /// The controller's settings for that robot, with the gains of the control.yaml beside its
 /// robot.yaml where there is one.
 [[nodiscard]] ControllerConfig load_control(const std::string& settings,
-                                            const RobotOptions& options, const RobotModel& robot);
+                                            const RobotOptions& options, const RobotModel& robot,
+                                            std::optional<FeedForward> feed_forward = {});
 
 struct ScenarioOptions {
   std::string scenario = "configs/scenarios/box_0.275.yaml";

@@ -223,10 +223,10 @@ SimulatedRun run_plan(const RobotOptions& robot, const RobotModel& model, const 
   const Plan plan = load_plan(plan_file);
   check_made_for(plan, plan_file, model, scenario);
   SimulatedRunOptions run;
-  run.control = load_control(options.control, robot, model);
+  std::optional<FeedForward> feed_forward;
   if (options.feed_forward)
-    run.control.feed_forward =
-        *options.feed_forward == "plan" ? FeedForward::kPlan : FeedForward::kNone;
+    feed_forward = *options.feed_forward == "plan" ? FeedForward::kPlan : FeedForward::kNone;
+  run.control = load_control(options.control, robot, model, feed_forward);
   run.log = log;
   run.plan_sha256 = sha256_file(plan_file);
   run.realtime = options.realtime;

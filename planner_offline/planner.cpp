@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "planner_offline/search/motion_search.hpp"
+#include "planner_offline/search/placement_search.hpp"
 #include "planner_offline/search/timing.hpp"
 
 #ifndef CLAMBER_VERSION
@@ -199,21 +199,22 @@ PlanningResult plan_climb(const RobotModel& model, const Scenario& scenario,
   std::vector<std::string> notes = sequence.notes;
   const std::vector<Move> moves = plan_moves(model, scenario, sequence, notes);
   const Clearance clearance(model, scenario, used.clearance);
-  ReferenceOptimiser references(model, scenario, clearance, used);
-  MotionSearch search(model, scenario, clearance, used, references);
 
   const Stopwatch search_time;
-  const SearchResult found = search.run(start_configuration(model, scenario), moves,
-                                        [&progress](int move, int of, const std::string& what) {
-                                          progress(0.9 * move / std::max(of, 1), what);
-                                        });
+  const ClimbSearch search =
+      search_climb(model, scenario, clearance, used, start_configuration(model, scenario), moves,
+                   [&progress](int move, int of, const std::string& what) {
+                     progress(0.9 * move / std::max(of, 1), what);
+                   });
+  const SearchResult& found = search.best;
+  const double searched = search_time.seconds();
   PlanningResult result;
-  result.stages = {{"reference optimisation", references.seconds()},
-                   {"search", search_time.seconds() - references.seconds()}};
-  result.costs = references.log();
-  result.rejected = found.rejected;
-  result.candidates = found.candidates_tried;
-  result.backtracks = found.backtracks;
+  result.stages = {{"reference optimisation", search.reference_share * searched},
+                   {"search", (1.0 - search.reference_share) * searched}};
+  result.costs = search.costs;
+  result.rejected = search.rejected;
+  result.candidates = search.candidates;
+  result.backtracks = search.backtracks;
   const auto failed = [&result](const std::string& why) {
     return PlanningFailed(why, std::make_shared<const PlanningLog>(result));
   };

@@ -109,6 +109,8 @@ void read_keys(Section& section, ReferenceSettings& references) {
 
 void read_keys(Section& section, SearchSettings& search) {
   section.count("most_candidates", search.most_candidates);
+  section.count("most_attempts", search.most_attempts);
+  section.count("steady_attempts", search.steady_attempts);
   section.count("most_steps", search.most_steps);
   section.non_negative("support_margin", search.support_margin);
   section.non_negative("free_margin", search.free_margin);

@@ -176,6 +176,7 @@ Playback play(const RobotModel& model, const RobotMotion& motion, const Scenario
 
   OdeOptions options;
   options.step = config.step;
+  options.iterations = config.iterations;
   OdeWorld world(model, playback.scenario, options);
   const Reference reference(motion, adjustment);
   const ContactSampler sampler(model, playback.scenario.obstacles.front(), config.sampler);

@@ -253,17 +253,23 @@ TouchKeyframe ReferenceOptimiser::finish(Search& search) {
   keyframe.forces = forces_.solve(search.data, search.supports);
   const ClearanceReport clear = clearance_.report(search.data, search.contacts, {});
   constexpr double kTolerance = 2e-3;  // m: rows are met to first order only
+  constexpr double kNominal = 0.05;    // m
   char text[200] = "";
   if (keyframe.ik_error >= settings_.references.ik_error) {
+    keyframe.shortfall = keyframe.ik_error;
     std::snprintf(text, sizeof text, "contact out of reach by %.1f cm", 100.0 * keyframe.ik_error);
   } else if (clear.obstacle_excess < -kTolerance) {
+    keyframe.shortfall = -clear.obstacle_excess;
     std::snprintf(text, sizeof text, "%s is %.1f cm too near to the obstacle or floor",
                   clear.worst_obstacle_pair.c_str(), -100.0 * clear.obstacle_excess);
   } else if (clear.self < 0.0) {
+    keyframe.shortfall = -clear.self;
     std::snprintf(text, sizeof text, "links collide: %s", clear.worst_self_pair.c_str());
   } else if (keyframe.forces.status == Equilibrium::kBalance) {
+    keyframe.shortfall = kNominal;
     std::snprintf(text, sizeof text, "no contact forces balance the robot");
   } else if (keyframe.forces.status == Equilibrium::kTorque) {
+    keyframe.shortfall = kNominal;
     std::snprintf(text, sizeof text, "%s needs %.1f N m",
                   model_.joints[static_cast<std::size_t>(keyframe.forces.peak_joint)].name.c_str(),
                   keyframe.forces.peak_torque);

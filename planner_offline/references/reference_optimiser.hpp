@@ -29,9 +29,10 @@ struct TouchKeyframe {
   std::map<int, Eigen::Vector3d>
       positions;                    ///< link -> optimised reference on its surface, world, m
   std::map<int, double> theta_deg;  ///< link -> angle of Fig. 5 at the end
-  ForceSolution forces;   ///< with the supports alone: what it takes before the new contacts carry
-  double ik_error = 0.0;  ///< m
-  std::string problem;    ///< empty: realisable
+  ForceSolution forces;    ///< with the supports alone: what it takes before the new contacts carry
+  double ik_error = 0.0;   ///< m
+  std::string problem;     ///< empty: realisable
+  double shortfall = 0.0;  ///< m by which it is not (a nominal length for balance and torque)
 };
 
 class ReferenceOptimiser {

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <limits>
-#include <set>
 #include <string>
 
 namespace clamber {
@@ -20,24 +18,22 @@ constexpr Placement kPlacements[] = {{0.0, 0.0},   {0.0, 0.04},   {0.03, 0.0}, {
                                      {-0.03, 0.0}, {-0.03, 0.04}, {0.06, 0.0}, {0.06, 0.04},
                                      {-0.06, 0.0}, {0.1, 0.0},    {-0.1, 0.0}};
 
-/// What to try for a move. The order is fixed: the same inputs give the same plan.
-std::vector<Candidate> candidates_for(const Move& move, const SearchSettings& settings) {
-  std::vector<Candidate> list;
-  const double less = 0.5 * (settings.wanted_margin + settings.support_margin);
-  struct Way {
-    double raise, outward, back;
-  };
-  for (const Way& way : {Way{0.0, 0.0, 0.02}, Way{0.0, 0.0, 0.1}, Way{0.0, 0.05, 0.06},
-                         Way{0.03, 0.0, 0.02}, Way{0.03, 0.08, 0.1}, Way{-0.03, 0.05, 0.1}}) {
-    for (const double margin : {settings.wanted_margin, less}) {
-      if (!move.lifts.empty() || (margin == settings.wanted_margin && way.outward == 0.0)) {
-        // margin and way out make a difference only where a limb leaves its support
-        list.push_back({margin, settings.swing_height + way.raise, way.outward, way.back});
-      }
+/// Ways of swinging, the plain one first. A limb that only reaches out leaves no support: for it
+/// the height is all there is to choose.
+std::vector<SwingWay> ways_for(const Move& move, const SearchSettings& settings) {
+  std::vector<SwingWay> ways;
+  for (const SwingWay& way :
+       {SwingWay{0.0, 0.0, 0.02}, SwingWay{0.0, 0.0, 0.1}, SwingWay{0.0, 0.05, 0.06},
+        SwingWay{0.03, 0.0, 0.02}, SwingWay{0.03, 0.08, 0.1}, SwingWay{-0.03, 0.05, 0.1}}) {
+    if (!move.lifts.empty() || way.outward == 0.0) {
+      ways.push_back({settings.swing_height + way.height, way.outward, way.back});
     }
   }
-  return list;
+  return ways;
 }
+
+/// What a failure that is no distance counts as when attempts are compared.
+constexpr double kNominalShortfall = 0.05;  // m
 
 std::string format(const char* text, const std::string& name, double a, double b) {
   char line[256];
@@ -77,31 +73,34 @@ std::string MotionSearch::name_of(const std::vector<int>& links) const {
   return name;
 }
 
-/// Every posture of a stretch must stand still within friction cones and torque limits.
-std::string MotionSearch::check(const Stretch& stretch) {
+/// Every third posture of a stretch must stand still within friction cones and torque limits.
+Rejection MotionSearch::check(const std::vector<Stretch>& stretches) {
   RobotData data;
-  const std::size_t last = stretch.path.size() - 1;
   constexpr std::size_t kEvery = 3;
-  for (std::size_t i = 0; i <= last; i = i == last ? last + 1 : std::min(i + kEvery, last)) {
-    forward_kinematics(model_, stretch.path[i], data);
-    const ForceSolution solution = forces_.solve(data, stretch.contacts);
-    if (solution.status == Equilibrium::kBalance) {
-      return stretch.name + ": no contact forces within the friction cones balance the robot";
-    }
-    if (solution.status == Equilibrium::kTorque) {
-      const Joint& joint = model_.joints[static_cast<std::size_t>(solution.peak_joint)];
-      return format((stretch.name + ": %s needs %.1f N m of %.1f").c_str(), joint.name,
-                    solution.peak_torque, joint.torque_limit * settings_.forces.torque_share);
+  for (const Stretch& stretch : stretches) {
+    const std::size_t last = stretch.path.size() - 1;
+    for (std::size_t i = 0; i <= last; i = i == last ? last + 1 : std::min(i + kEvery, last)) {
+      forward_kinematics(model_, stretch.path[i], data);
+      const ForceSolution solution = forces_.solve(data, stretch.contacts);
+      if (solution.status == Equilibrium::kBalance) {
+        return {stretch.name + ": no contact forces within the friction cones balance the robot",
+                kNominalShortfall};
+      }
+      if (solution.status == Equilibrium::kTorque) {
+        const Joint& joint = model_.joints[static_cast<std::size_t>(solution.peak_joint)];
+        return {format((stretch.name + ": %s needs %.1f N m of %.1f").c_str(), joint.name,
+                       solution.peak_torque, joint.torque_limit * settings_.forces.torque_share),
+                kNominalShortfall};
+      }
     }
   }
-  return "";
+  return {};
 }
 
 /// Brings the centre of mass over the contacts that stay. Contacts that the next state lacks are
 /// relaxed: a foot may roll over its front edge.
-std::string MotionSearch::shift_weight(const Move& move, const Candidate& candidate,
-                                       const TouchKeyframe& keyframe, Node& node,
-                                       std::vector<Stretch>& stretches) {
+Rejection MotionSearch::shift_weight(const Move& move, double margin, const TouchKeyframe& keyframe,
+                                     Node& node, std::vector<Stretch>& stretches) {
   const ContactSet common = without(node.contacts, move.lifts);
   ContactSet relaxed = node.contacts;
   for (Contact& contact : relaxed) {
@@ -114,22 +113,23 @@ std::string MotionSearch::shift_weight(const Move& move, const Candidate& candid
   MotionGoal goal;
   goal.contacts = relaxed;
   goal.reach_region = region_of(node.x, common);
-  goal.reach_margin = std::min(candidate.shift_margin, settings_.search.wanted_margin) - 0.005;
+  goal.reach_margin = margin - 0.005;
   goal.region = region_of(node.x, relaxed);
   RobotData data;
   forward_kinematics(model_, node.x, data);
   goal.region_margin =
       std::min(settings_.search.support_margin, goal.region->margin(data.com.head<2>()));
   forward_kinematics(model_, keyframe.x, data);
-  goal.com = goal.reach_region->nearest_inside(data.com.head<2>(), candidate.shift_margin);
+  goal.com = goal.reach_region->nearest_inside(data.com.head<2>(), margin);
   goal.posture = keyframe.x.q;
   const MotionResult moved = steering_.move(node.x, goal);
   if (!moved.reached) {
     // Falling short is no failure as long as the contacts that stay carry with the least margin.
     forward_kinematics(model_, moved.path.back(), data);
-    if (region_of(moved.path.back(), common).margin(data.com.head<2>()) <
-        settings_.search.support_margin) {
-      return "weight shift before lifting " + name_of(move.lifts) + ": " + moved.reason;
+    const double kept = region_of(moved.path.back(), common).margin(data.com.head<2>());
+    if (kept < settings_.search.support_margin) {
+      return {"weight shift before lifting " + name_of(move.lifts) + ": " + moved.reason,
+              settings_.search.support_margin - kept};
     }
   }
   stretches.push_back(
@@ -141,27 +141,26 @@ std::string MotionSearch::shift_weight(const Move& move, const Candidate& candid
                        common,
                        {}});
   node = {moved.path.back(), common};
-  return "";
+  return {};
 }
 
-std::string MotionSearch::swing(const Move& move, const Candidate& candidate,
-                                const TouchKeyframe& keyframe, Node& node,
-                                std::vector<Stretch>& stretches) {
+Rejection MotionSearch::swing(const Move& move, const SwingWay& way, const TouchKeyframe& keyframe,
+                              Node& node, std::vector<Stretch>& stretches) {
   MotionGoal goal;
   goal.contacts = node.contacts;
   goal.region_margin = margin_for(goal.contacts);
   RobotData data;
   forward_kinematics(model_, node.x, data);
   goal.posture = keyframe.x.q;
-  const double above = surface_height(scenario_, move.surface) + candidate.swing_height;
+  const double above = surface_height(scenario_, move.surface) + way.height;
   for (const int link : move.lands) {
     const Eigen::Vector3d from = touch_point(model_, data, link);
     const Eigen::Vector3d to = keyframe.positions.at(link);
     Swing path{link, {}, true};
     if (!move.lifts.empty()) {
       // Up beside the obstacle's face first, then over its edge.
-      const double side = from.y() >= data.X_WB[0].p.y() ? candidate.outward : -candidate.outward;
-      path.path.push_back({std::min(from.x(), to.x()) - candidate.back, from.y() + side, above});
+      const double side = from.y() >= data.X_WB[0].p.y() ? way.outward : -way.outward;
+      path.path.push_back({std::min(from.x(), to.x()) - way.back, from.y() + side, above});
     }
     path.path.push_back(
         {to.x(), to.y(), holds_limb(model_, node.contacts, link) ? to.z() + 0.04 : above});
@@ -171,7 +170,7 @@ std::string MotionSearch::swing(const Move& move, const Candidate& candidate,
   const MotionResult moved = steering_.move(node.x, goal);
   const std::string name = (move.lifts.empty() ? "reach " : "swing ") + name_of(move.lands);
   if (!moved.reached) {
-    return name + ": " + moved.reason;
+    return {name + ": " + moved.reason, moved.shortfall};
   }
   std::vector<int> touching = move.lands;
   touching.insert(touching.end(), move.lifts.begin(), move.lifts.end());
@@ -186,49 +185,80 @@ std::string MotionSearch::swing(const Move& move, const Candidate& candidate,
   stretches.push_back(
       {"load " + name_of(move.lands), Stretch::Kind::kLoad, {node.x}, node.contacts, with, {}});
   node.contacts = with;
-  return "";
+  return {};
 }
 
-void MotionSearch::reject(std::size_t index, const std::string& why) {
-  result_.rejected.push_back(why);
-  progress_(static_cast<int>(index), static_cast<int>(moves_->size()), "rejected: " + why);
-  if (index >= furthest_) {
-    furthest_ = index;
-    result_.failure = why;
+void MotionSearch::reject(std::size_t index, const Rejection& rejection) {
+  result_.rejected.push_back(rejection.why);
+  progress_(static_cast<int>(index), static_cast<int>(moves_->size()),
+            "rejected: " + rejection.why);
+  const bool further = index > result_.furthest || result_.failure.empty();
+  if (further || (index == result_.furthest && rejection.shortfall < result_.shortfall)) {
+    result_.furthest = index;
+    result_.failure = rejection.why;
+    result_.shortfall = rejection.shortfall;
   }
 }
 
-/// Makes the move this way and, where that works, the rest of the climb after it.
-bool MotionSearch::try_candidate(std::size_t index, const Candidate& candidate,
-                                 const TouchKeyframe& keyframe, const Node& node) {
-  const Move& move = (*moves_)[index];
-  ++result_.candidates_tried;
-  std::vector<Stretch> stretches;
-  Node to = node;
-  std::string failure;
-  if (!move.lifts.empty()) {
-    failure = shift_weight(move, candidate, keyframe, to, stretches);
-  }
-  if (failure.empty()) {
-    failure = swing(move, candidate, keyframe, to, stretches);
-  }
-  for (auto it = stretches.begin(); failure.empty() && it != stretches.end(); ++it) {
-    failure = check(*it);
-  }
-  if (!failure.empty()) {
-    reject(index, failure);
-    return false;
-  }
+/// Takes the move as made and makes the rest of the climb after it; undoes it where that fails.
+bool MotionSearch::go_on(std::size_t index, const std::vector<Stretch>& stretches,
+                         const TouchKeyframe& keyframe, const Node& node) {
   const std::size_t kept_stretches = result_.stretches.size();
   const std::size_t kept_keyframes = result_.keyframes.size();
   result_.stretches.insert(result_.stretches.end(), stretches.begin(), stretches.end());
   result_.keyframes.push_back(keyframe);
-  if (descend(index + 1, to)) {
+  if (descend(index + 1, node)) {
     return true;
   }
   ++result_.backtracks;
   result_.stretches.resize(kept_stretches);
   result_.keyframes.resize(kept_keyframes);
+  return false;
+}
+
+/// Makes the move to this keyframe in one way or another and, where that works, the rest of the
+/// climb after it.
+bool MotionSearch::try_keyframe(std::size_t index, const TouchKeyframe& keyframe,
+                                const Node& node) {
+  const Move& move = (*moves_)[index];
+  const double least = settings_.search.support_margin, wanted = settings_.search.wanted_margin;
+  for (const double margin : {wanted, 0.5 * (wanted + least)}) {
+    std::vector<Stretch> shift;
+    Node shifted = node;
+    if (!move.lifts.empty()) {
+      ++result_.candidates_tried;
+      Rejection rejection = shift_weight(move, margin, keyframe, shifted, shift);
+      if (rejection.why.empty()) {
+        rejection = check(shift);
+      }
+      if (!rejection.why.empty()) {
+        reject(index, rejection);
+        continue;
+      }
+    }
+    for (const SwingWay& way : ways_for(move, settings_.search)) {
+      if (used_up(index)) {
+        return false;
+      }
+      ++result_.candidates_tried;
+      std::vector<Stretch> stretches;
+      Node to = shifted;
+      Rejection rejection = swing(move, way, keyframe, to, stretches);
+      if (rejection.why.empty()) {
+        rejection = check(stretches);
+      }
+      if (!rejection.why.empty()) {
+        reject(index, rejection);
+        continue;
+      }
+      stretches.insert(stretches.begin(), shift.begin(), shift.end());
+      // When the move works and what follows does not, another way to the same place is no help.
+      return go_on(index, stretches, keyframe, to);
+    }
+    if (move.lifts.empty()) {
+      break;  // no weight to shift: the margin makes no difference
+    }
+  }
   return false;
 }
 
@@ -259,9 +289,21 @@ void MotionSearch::settle(const Node& node) {
   // How far it gets is how far it goes: there is nothing to reach, only something to gain.
   MotionResult moved = steering_.move(node.x, goal);
   Stretch stretch{"settle", Stretch::Kind::kMotion, std::move(moved.path), node.contacts, {}, {}};
-  if (check(stretch).empty()) {
+  if (check({stretch}).why.empty()) {
     result_.stretches.push_back(std::move(stretch));
   }
+}
+
+bool MotionSearch::used_up(std::size_t index) {
+  if (result_.candidates_tried < settings_.search.most_candidates) {
+    return false;
+  }
+  if (result_.failure.empty()) {
+    result_.failure =
+        name_of((*moves_)[index].lands) + ": all candidates used up (search.most_candidates)";
+    result_.shortfall = kNominalShortfall;
+  }
+  return true;
 }
 
 bool MotionSearch::descend(std::size_t index, const Node& node) {
@@ -276,10 +318,7 @@ bool MotionSearch::descend(std::size_t index, const Node& node) {
   const ContactSet supports = without(node.contacts, move.lifts);
   const ObstacleBox& box = scenario_.obstacles[static_cast<std::size_t>(move.surface)];
   for (const Placement& placement : kPlacements) {
-    if (result_.candidates_tried >= budget_) {
-      if (result_.failure.empty()) {
-        result_.failure = name_of(move.lands) + ": all candidates used up (search.most_candidates)";
-      }
+    if (used_up(index)) {
       return false;
     }
     if (placement.inward != 0.0 && move.lands.size() != 1) {
@@ -297,116 +336,29 @@ bool MotionSearch::descend(std::size_t index, const Node& node) {
     const TouchKeyframe keyframe = references_.optimise(
         move.state, node.x, supports, wanted, move.completes_limb, move.surface, move.hint);
     if (!keyframe.problem.empty()) {
-      reject(index, name_of(move.lands) + ": " + keyframe.problem);
-      continue;
-    }
-    for (const Candidate& candidate : candidates_for(move, settings_.search)) {
-      const std::size_t before = result_.backtracks;
-      if (try_candidate(index, candidate, keyframe, node)) {
-        return true;
-      }
-      if (result_.backtracks != before) {
-        break;  // the move works and what follows does not: another way to the same place is no
-                // help
-      }
+      reject(index, {name_of(move.lands) + ": " + keyframe.problem, keyframe.shortfall});
+    } else if (try_keyframe(index, keyframe, node)) {
+      return true;
     }
   }
-  return false;
-}
-
-/// The demonstrator is not the robot: the recorded places are tried as they are and with all
-/// contacts of limbs that never stand (arms) nearer or farther, and those of legs nearer to the
-/// middle. Of the climbs found, the steadiest is taken. m.
-struct Variant {
-  double arms_forward;
-  double legs_inward;
-};
-constexpr Variant kVariants[] = {{0.0, 0.0},  {-0.06, 0.0},  {0.06, 0.0},  {0.0, 0.03},
-                                 {-0.1, 0.0}, {-0.06, 0.03}, {-0.03, 0.0}, {-0.1, 0.03},
-                                 {0.1, 0.0},  {-0.14, 0.0}};
-
-static std::vector<Move> varied(const RobotModel& model, const std::vector<Move>& moves,
-                                const std::set<std::string>& standing_limbs,
-                                const Variant& variant) {
-  std::vector<Move> result = moves;
-  for (Move& move : result) {
-    for (auto& [link, reference] : move.references) {
-      if (standing_limbs.count(model.contacts[static_cast<std::size_t>(link)].limb) == 0) {
-        reference.x() += variant.arms_forward;
-      } else {
-        const double inward = std::min(std::abs(reference.y()), variant.legs_inward);
-        reference.y() -= std::copysign(inward, reference.y());
-      }
-    }
-  }
-  return result;
-}
-
-/// Worst support margin of a climb once hands carry, less a little for torque beyond what is easy,
-/// m.
-double MotionSearch::steadiness(const std::vector<Stretch>& stretches) {
-  double worst = std::numeric_limits<double>::infinity(), peak = 0.0;
-  RobotData data;
-  constexpr std::size_t kEvery = 3;
-  for (const Stretch& stretch : stretches) {
-    for (std::size_t i = 0; i < stretch.path.size(); i += kEvery) {
-      forward_kinematics(model_, stretch.path[i], data);
-      peak = std::max(peak, forces_.solve(data, stretch.contacts).peak_torque);
-      if (!only_patches(model_, stretch.contacts)) {
-        const SupportRegion region(contact_points(model_, data, stretch.contacts));
-        worst = std::min(worst, region.margin(data.com.head<2>()));
-      }
-    }
-  }
-  // Shanks and feet that come to rest close to an edge end up on it when the joints sag.
-  forward_kinematics(model_, stretches.back().path.back(), data);
-  const double gap = clearance_.report(data, stretches.back().contacts, {}).obstacle;
-  constexpr double kEasyTorque = 18.0;  // N m
-  constexpr double kPerTorque = 0.001;  // m of margin that one N m more is worth
-  return worst - kPerTorque * std::max(0.0, peak - kEasyTorque) -
-         std::max(0.0, settings_.clearance.obstacle - gap);
+  // A limb that cannot be set down farther on stays where it is.
+  return move.optional && descend(index + 1, node);
 }
 
 SearchResult MotionSearch::run(const Configuration& start, const std::vector<Move>& moves,
                                const Progress& progress) {
   result_ = {};
-  furthest_ = 0;
   progress_ = progress;
+  moves_ = &moves;
   Node node{start, {}};
   RobotData data;
   forward_kinematics(model_, start, data);
-  std::set<std::string> standing_limbs;
   for (std::size_t i = 0; i < model_.contacts.size(); ++i) {
     if (model_.contacts[i].is_patch) {
       node.contacts.push_back(make_contact(model_, scenario_, data, static_cast<int>(i), kFloor));
-      standing_limbs.insert(model_.contacts[i].limb);
     }
   }
-  std::vector<Stretch> best_stretches;
-  std::vector<TouchKeyframe> best_keyframes;
-  double best = -std::numeric_limits<double>::infinity();
-  for (const Variant& variant : kVariants) {
-    const std::vector<Move> tried = varied(model_, moves, standing_limbs, variant);
-    moves_ = &tried;
-    budget_ = result_.candidates_tried + settings_.search.most_candidates;
-    result_.stretches.clear();
-    result_.keyframes.clear();
-    if (!descend(0, node)) {
-      continue;
-    }
-    result_.success = true;
-    const double score = steadiness(result_.stretches);
-    if (score > best) {
-      best = score;
-      best_stretches = result_.stretches;
-      best_keyframes = result_.keyframes;
-    }
-    if (best >= settings_.search.steady_margin) {
-      break;
-    }
-  }
-  result_.stretches = best_stretches;
-  result_.keyframes = best_keyframes;
+  result_.success = descend(0, node);
   moves_ = nullptr;
   return result_;
 }

@@ -32,16 +32,23 @@ struct SearchResult {
   std::vector<TouchKeyframe> keyframes;  ///< one per move
   std::vector<std::string> rejected;     ///< why each candidate that failed was given up
   std::string failure;                   ///< the furthest move and why it fails
+  std::size_t furthest = 0;              ///< that move's index
+  double shortfall = 0.0;  ///< m by which the best candidate for that move misses its goal
   std::size_t candidates_tried = 0;
   std::size_t backtracks = 0;
 };
 
-/// One way of making a move once its keyframe stands; tried in order, the plain one first.
-struct Candidate {
-  double shift_margin = 0.0;  ///< m, support margin aimed at before a contact lifts
-  double swing_height = 0.0;  ///< m above the surface
-  double outward = 0.0;       ///< m the swing passes outside of the straight way
-  double back = 0.0;          ///< m the limb is lifted behind the straight way, off the obstacle
+/// One way of swinging a limb to its place; tried in order, the plain one first.
+struct SwingWay {
+  double height = 0.0;   ///< m above the surface
+  double outward = 0.0;  ///< m the swing passes outside of the straight way
+  double back = 0.0;     ///< m the limb is lifted behind the straight way, off the obstacle
+};
+
+/// Why a candidate does not do, and by how far (m; a nominal length where it is not a distance).
+struct Rejection {
+  std::string why;  ///< empty: it does
+  double shortfall = 0.0;
 };
 
 class MotionSearch {
@@ -51,6 +58,8 @@ class MotionSearch {
   MotionSearch(const RobotModel& model, const Scenario& scenario, const Clearance& clearance,
                const PlannerSettings& settings, ReferenceOptimiser& references);
 
+  /// Makes the moves one after the other from `start`, going back where one leads nowhere, until
+  /// the last is made or `search.most_candidates` are used up.
   [[nodiscard]] SearchResult run(const Configuration& start, const std::vector<Move>& moves,
                                  const Progress& progress);
 
@@ -60,20 +69,22 @@ class MotionSearch {
     ContactSet contacts;
   };
   [[nodiscard]] bool descend(std::size_t index, const Node& node);
-  [[nodiscard]] bool try_candidate(std::size_t index, const Candidate& candidate,
-                                   const TouchKeyframe& keyframe, const Node& node);
+  [[nodiscard]] bool try_keyframe(std::size_t index, const TouchKeyframe& keyframe,
+                                  const Node& node);
+  [[nodiscard]] bool go_on(std::size_t index, const std::vector<Stretch>& stretches,
+                           const TouchKeyframe& keyframe, const Node& node);
   [[nodiscard]] bool is_there_already(const Move& move, const Node& node) const;
-  void reject(std::size_t index, const std::string& why);
-  [[nodiscard]] std::string shift_weight(const Move& move, const Candidate& candidate,
-                                         const TouchKeyframe& keyframe, Node& node,
-                                         std::vector<Stretch>& stretches);
-  [[nodiscard]] std::string swing(const Move& move, const Candidate& candidate,
-                                  const TouchKeyframe& keyframe, Node& node,
-                                  std::vector<Stretch>& stretches);
-  [[nodiscard]] std::string check(const Stretch& stretch);
+  [[nodiscard]] bool used_up(std::size_t index);
+  void reject(std::size_t index, const Rejection& rejection);
+  [[nodiscard]] Rejection shift_weight(const Move& move, double margin,
+                                       const TouchKeyframe& keyframe, Node& node,
+                                       std::vector<Stretch>& stretches);
+  [[nodiscard]] Rejection swing(const Move& move, const SwingWay& way,
+                                const TouchKeyframe& keyframe, Node& node,
+                                std::vector<Stretch>& stretches);
+  [[nodiscard]] Rejection check(const std::vector<Stretch>& stretches);
   [[nodiscard]] SupportRegion region_of(const Configuration& x, const ContactSet& contacts);
   void settle(const Node& node);
-  [[nodiscard]] double steadiness(const std::vector<Stretch>& stretches);
   [[nodiscard]] double margin_for(const ContactSet& contacts) const;
   [[nodiscard]] std::string name_of(const std::vector<int>& links) const;
 
@@ -87,8 +98,6 @@ class MotionSearch {
   const std::vector<Move>* moves_ = nullptr;
   Progress progress_;
   SearchResult result_;
-  std::size_t furthest_ = 0;
-  std::size_t budget_ = 0;  // candidates_tried at which the present attempt is given up
 };
 
 }  // namespace clamber

@@ -83,7 +83,7 @@ Task Steering::swing_tasks(const MotionGoal& goal, Progress& progress, Task& pla
       first = first + whole;
     }
     const Eigen::Vector3d left = swing.path.back() - touch;
-    constexpr double kLanded = 5e-4, kPlaced = 0.03;
+    constexpr double kLanded = 1e-3, kPlaced = 0.03;
     const bool there = runner.at_end(swing.path) && std::abs(left.z()) < kLanded &&
                        left.head<2>().norm() < kPlaced;
     progress.swings_done = progress.swings_done && there;
@@ -178,11 +178,13 @@ MotionResult Steering::move(const Configuration& start, const MotionGoal& goal) 
     }
   }
   if (!progress.swings_done) {
+    result.shortfall = progress.swing_error;
     result.reason = numbers("swing stops %.1f cm short", 100.0 * progress.swing_error, 0.0);
   } else if (goal.reach_region) {
-    result.reason =
-        numbers("centre of mass keeps %.1f cm of %.1f cm support margin",
-                100.0 * goal.reach_region->margin(data_.com.head<2>()), 100.0 * goal.reach_margin);
+    const double margin = goal.reach_region->margin(data_.com.head<2>());
+    result.shortfall = goal.reach_margin - margin;
+    result.reason = numbers("centre of mass keeps %.1f cm of %.1f cm support margin",
+                            100.0 * margin, 100.0 * goal.reach_margin);
   } else {
     result.reason = "posture does not settle";
   }

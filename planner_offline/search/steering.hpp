@@ -35,6 +35,7 @@ struct MotionGoal {
 struct MotionResult {
   bool reached = false;
   std::string reason;               ///< why not
+  double shortfall = 0.0;           ///< m by which swing or centre of mass misses its goal
   std::vector<Configuration> path;  ///< first entry: where it started
 };
 

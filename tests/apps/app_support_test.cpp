@@ -91,13 +91,28 @@ TEST_F(ControllerSettings, TheRobotsOwnGainsLieBetweenItsModelAndTheFile) {
   const auto arm = static_cast<std::size_t>(*coman.find_joint("LShSag"));
   const auto knee = static_cast<std::size_t>(*coman.find_joint("LKneeSag"));
   for (const char* file : {"control/default.yaml", "control/playback.yaml"}) {
-    const ControllerConfig shipped = load_controller_config(configs / file, coman, own);
+    const ControllerConfig shipped =
+        load_controller_config(configs / file, coman, own, FeedForward::kNone);
     EXPECT_EQ(shipped.joints[knee].gains.kp, 1000.0) << file;
     EXPECT_EQ(shipped.joints[knee].gains.ki, 40.0) << file;
     EXPECT_EQ(shipped.joints[arm].gains.ki, 0.1) << file;
   }
   const fs::path settings = write("gains: [{joints: [LKneeSag], ki: 7}]");
   EXPECT_EQ(load_controller_config(settings, coman, own).joints[knee].gains.ki, 7.0);
+}
+
+TEST_F(ControllerSettings, FeedForwardHasGainsOfItsOwn) {
+  const RobotModel robot = small_robot();
+  const fs::path file = write(R"(
+gains: [{joints: ["*"], ki: 9}]
+feed_forward_gains: [{joints: ["*"], ki: 0.5}]
+)");
+  const auto ki = [&](std::optional<FeedForward> feed_forward) {
+    return load_controller_config(file, robot, {}, feed_forward).joints[0].gains.ki;
+  };
+  EXPECT_EQ(ki(FeedForward::kPlan), 0.5);
+  EXPECT_EQ(ki(FeedForward::kNone), 9.0);
+  EXPECT_EQ(ki(std::nullopt), 0.5);  // the plan's torques are the default
 }
 
 TEST_F(ControllerSettings, TheShippedFilesSuitAnyRobot) {

@@ -51,8 +51,8 @@ auto members(const ReferenceSettings& s) {
   return std::tuple(a, b, c, d, e, f, g, h, i, j, k);
 }
 auto members(const SearchSettings& s) {
-  const auto& [a, b, c, d, e, f, g, h, i, j, k, l, m] = s;
-  return std::tuple(a, b, c, d, e, f, g, h, i, j, k, l, m);
+  const auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o] = s;
+  return std::tuple(a, b, c, d, e, f, g, h, i, j, k, l, m, n, o);
 }
 auto members(const TimingSettings& s) {
   const auto& [a, b, c, d] = s;

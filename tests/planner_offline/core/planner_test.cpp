@@ -291,7 +291,7 @@ TEST(Planner, TheSameInputsGiveTheSamePlan) {
 
 TEST(Planner, ABoxThatIsTooHighFailsAndSaysWhere) {
   PlannerSettings settings = quick();
-  settings.search.most_candidates = 1;
+  settings.search.most_candidates = 3;
   std::string message;
   try {
     (void)plan_climb(coman(), box(0.8), made_climb(), settings, no_progress);

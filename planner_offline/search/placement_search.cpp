@@ -1,0 +1,240 @@
+#include "planner_offline/search/placement_search.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <future>
+#include <limits>
+#include <memory>
+#include <mutex>
+#include <set>
+
+namespace clamber {
+namespace {
+
+constexpr double Placing::*kDirections[] = {&Placing::arms_forward, &Placing::legs_inward,
+                                            &Placing::last_side_back, &Placing::arms_apart};
+
+struct Attempt {
+  Placing placing;
+  SearchResult result;
+  std::vector<CostSample> costs;
+  double reference_seconds = 0.0;
+  double seconds = 0.0;
+  double score = -std::numeric_limits<double>::infinity();
+};
+
+bool same(const Placing& a, const Placing& b) {
+  return std::all_of(std::begin(kDirections), std::end(kDirections),
+                     [&](auto direction) { return std::abs(a.*direction - b.*direction) < 1e-9; });
+}
+
+class PlacementSearch {
+ public:
+  PlacementSearch(const RobotModel& model, const Scenario& scenario, const Clearance& clearance,
+                  const PlannerSettings& settings, const Configuration& start,
+                  const std::vector<Move>& moves, const MotionSearch::Progress& progress);
+
+  [[nodiscard]] ClimbSearch run();
+
+ private:
+  [[nodiscard]] std::vector<Move> placed(const Placing& placing) const;
+  [[nodiscard]] Attempt attempt(const Placing& placing) const;
+  [[nodiscard]] double steadiness(const std::vector<Stretch>& stretches) const;
+  [[nodiscard]] double score(const SearchResult& result) const;
+  [[nodiscard]] bool try_all(const std::vector<Placing>& placings);
+  [[nodiscard]] bool finished() const;
+  void keep(Attempt attempt);
+
+  const RobotModel& model_;
+  const Scenario& scenario_;
+  const Clearance& clearance_;
+  const PlannerSettings& settings_;
+  const Configuration& start_;
+  const std::vector<Move>& moves_;
+  MotionSearch::Progress progress_;
+  std::set<std::string> standing_limbs_;
+  double last_side_ = 0.0;  // sign of y of the leg that leaves the floor last
+  std::vector<Placing> tried_;
+  Attempt best_;
+  double reference_seconds_ = 0.0, seconds_ = 0.0;
+  ClimbSearch found_;
+};
+
+PlacementSearch::PlacementSearch(const RobotModel& model, const Scenario& scenario,
+                                 const Clearance& clearance, const PlannerSettings& settings,
+                                 const Configuration& start, const std::vector<Move>& moves,
+                                 const MotionSearch::Progress& progress)
+    : model_(model),
+      scenario_(scenario),
+      clearance_(clearance),
+      settings_(settings),
+      start_(start),
+      moves_(moves) {
+  for (const ContactLink& contact : model.contacts) {
+    if (contact.is_patch) {
+      standing_limbs_.insert(contact.limb);
+    }
+  }
+  for (const Move& move : moves) {
+    for (const int link : move.lands) {
+      if (standing_limbs_.count(model.contacts[static_cast<std::size_t>(link)].limb) != 0) {
+        last_side_ = std::copysign(1.0, move.references.at(link).y());
+      }
+    }
+  }
+  const auto mutex = std::make_shared<std::mutex>();
+  progress_ = [mutex, &progress](int move, int of, const std::string& what) {
+    const std::lock_guard lock(*mutex);
+    progress(move, of, what);
+  };
+}
+
+std::vector<Move> PlacementSearch::placed(const Placing& placing) const {
+  std::vector<Move> result = moves_;
+  for (Move& move : result) {
+    for (auto& [link, reference] : move.references) {
+      if (standing_limbs_.count(model_.contacts[static_cast<std::size_t>(link)].limb) == 0) {
+        const bool last_side = reference.y() * last_side_ > 0.0;
+        reference.x() += placing.arms_forward - (last_side ? placing.last_side_back : 0.0);
+        reference.y() += std::copysign(placing.arms_apart, reference.y());
+      } else {
+        const double inward = std::min(std::abs(reference.y()), placing.legs_inward);
+        reference.y() -= std::copysign(inward, reference.y());
+      }
+    }
+  }
+  return result;
+}
+
+/// Worst support margin of a climb once hands carry, less a little for torque beyond what is easy
+/// and for a posture in the end that is near an edge, m.
+double PlacementSearch::steadiness(const std::vector<Stretch>& stretches) const {
+  double worst = std::numeric_limits<double>::infinity(), peak = 0.0;
+  RobotData data;
+  ContactForces forces(model_, settings_.forces);
+  constexpr std::size_t kEvery = 3;
+  for (const Stretch& stretch : stretches) {
+    for (std::size_t i = 0; i < stretch.path.size(); i += kEvery) {
+      forward_kinematics(model_, stretch.path[i], data);
+      peak = std::max(peak, forces.solve(data, stretch.contacts).peak_torque);
+      if (!only_patches(model_, stretch.contacts)) {
+        const SupportRegion region(contact_points(model_, data, stretch.contacts));
+        worst = std::min(worst, region.margin(data.com.head<2>()));
+      }
+    }
+  }
+  // Shanks and feet that come to rest close to an edge end up on it when the joints sag.
+  forward_kinematics(model_, stretches.back().path.back(), data);
+  const double gap = clearance_.report(data, stretches.back().contacts, {}).obstacle;
+  constexpr double kRestingGap = 0.025;  // m
+  constexpr double kEasyTorque = 18.0;   // N m
+  constexpr double kPerTorque = 0.001;   // m of margin that one N m more is worth
+  return worst - kPerTorque * std::max(0.0, peak - kEasyTorque) - std::max(0.0, kRestingGap - gap);
+}
+
+/// Climbs by their steadiness, failures below them by how far they came.
+double PlacementSearch::score(const SearchResult& result) const {
+  if (result.success) {
+    return static_cast<double>(moves_.size()) + 1.0 + steadiness(result.stretches);
+  }
+  constexpr double kFar = 0.2;  // m
+  return static_cast<double>(result.furthest) - std::min(1.0, result.shortfall / kFar);
+}
+
+Attempt PlacementSearch::attempt(const Placing& placing) const {
+  const auto begin = std::chrono::steady_clock::now();
+  Attempt attempt;
+  attempt.placing = placing;
+  ReferenceOptimiser references(model_, scenario_, clearance_, settings_);
+  MotionSearch search(model_, scenario_, clearance_, settings_, references);
+  attempt.result = search.run(start_, placed(placing), progress_);
+  attempt.score = score(attempt.result);
+  attempt.costs = references.log();
+  attempt.reference_seconds = references.seconds();
+  attempt.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  return attempt;
+}
+
+void PlacementSearch::keep(Attempt attempt) {
+  ++found_.attempts;
+  found_.candidates += attempt.result.candidates_tried;
+  found_.backtracks += attempt.result.backtracks;
+  found_.costs.insert(found_.costs.end(), attempt.costs.begin(), attempt.costs.end());
+  found_.rejected.insert(found_.rejected.end(), attempt.result.rejected.begin(),
+                         attempt.result.rejected.end());
+  reference_seconds_ += attempt.reference_seconds;
+  seconds_ += attempt.seconds;
+  if (attempt.score > best_.score) {
+    best_ = std::move(attempt);
+  }
+}
+
+bool PlacementSearch::finished() const {
+  const SearchSettings& search = settings_.search;
+  if (best_.result.success) {
+    const double steadiness = best_.score - static_cast<double>(moves_.size()) - 1.0;
+    return steadiness >= search.steady_margin || found_.attempts >= search.steady_attempts;
+  }
+  return found_.attempts >= search.most_attempts;
+}
+
+/// Attempts in pairs, each in a thread of its own; the order of the results is that of the list.
+/// True when one of them is better than all before by more than a trifle.
+bool PlacementSearch::try_all(const std::vector<Placing>& placings) {
+  const double before = best_.score;
+  std::vector<Placing> fresh;
+  for (const Placing& placing : placings) {
+    if (std::none_of(tried_.begin(), tried_.end(),
+                     [&](const Placing& other) { return same(placing, other); })) {
+      fresh.push_back(placing);
+      tried_.push_back(placing);
+    }
+  }
+  for (std::size_t i = 0; i < fresh.size() && !finished(); i += 2) {
+    std::future<Attempt> other;
+    if (i + 1 < fresh.size()) {
+      other = std::async(std::launch::async, [this, &fresh, i] { return attempt(fresh[i + 1]); });
+    }
+    keep(attempt(fresh[i]));
+    if (other.valid()) {
+      keep(other.get());
+    }
+  }
+  constexpr double kTrifle = 0.015;  // of a move's score: 3 mm of a failed move's shortfall
+  return best_.score > before + (best_.result.success ? 0.0 : kTrifle);
+}
+
+ClimbSearch PlacementSearch::run() {
+  (void)try_all({Placing{}});
+  double step = 0.06;  // m
+  constexpr double kFinest = 0.015;
+  while (!finished() && step >= kFinest) {
+    std::vector<Placing> around;
+    for (const auto direction : kDirections) {
+      for (const double sign : {-1.0, 1.0}) {
+        Placing placing = best_.placing;
+        // A knee has only half an arm's room.
+        placing.*direction += sign * (direction == &Placing::legs_inward ? 0.5 : 1.0) * step;
+        around.push_back(placing);
+      }
+    }
+    if (!try_all(around)) {
+      step *= 0.5;
+    }
+  }
+  found_.best = std::move(best_.result);
+  found_.reference_share = seconds_ > 0.0 ? reference_seconds_ / seconds_ : 0.0;
+  return std::move(found_);
+}
+
+}  // namespace
+
+ClimbSearch search_climb(const RobotModel& model, const Scenario& scenario,
+                         const Clearance& clearance, const PlannerSettings& settings,
+                         const Configuration& start, const std::vector<Move>& moves,
+                         const MotionSearch::Progress& progress) {
+  return PlacementSearch(model, scenario, clearance, settings, start, moves, progress).run();
+}
+
+}  // namespace clamber

@@ -1,0 +1,39 @@
+// Search over where a climb's contacts are put: the demonstrator is not the robot.
+// Start-up only: allocates; uses several threads; deterministic whatever their number.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "planner_offline/search/motion_search.hpp"
+
+namespace clamber {
+
+/// How all contact references of a climb differ from the recording's. m
+struct Placing {
+  double arms_forward = 0.0;  ///< over the obstacle
+  double arms_apart = 0.0;    ///< each side outwards
+  /// The arm on the side of the leg that leaves the floor last comes nearer to the edge: the line
+  /// from it to the other knee bounds the support when that leg lifts.
+  double last_side_back = 0.0;
+  double legs_inward = 0.0;  ///< knees towards the robot's middle
+};
+
+struct ClimbSearch {
+  SearchResult best;                  ///< the steadiest climb, else the furthest attempt
+  std::vector<CostSample> costs;      ///< every iteration of all reference optimisations
+  std::vector<std::string> rejected;  ///< why each candidate of all attempts was given up
+  std::size_t attempts = 0;
+  std::size_t candidates = 0;
+  std::size_t backtracks = 0;
+  double reference_share = 0.0;  ///< of the processor time that reference optimisation took
+};
+
+/// Plans the whole climb with the recorded places, then around the best ones found so far, until
+/// one is steady enough or the attempts are used up.
+[[nodiscard]] ClimbSearch search_climb(const RobotModel& model, const Scenario& scenario,
+                                       const Clearance& clearance, const PlannerSettings& settings,
+                                       const Configuration& start, const std::vector<Move>& moves,
+                                       const MotionSearch::Progress& progress);
+
+}  // namespace clamber
