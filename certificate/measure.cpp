@@ -225,7 +225,10 @@ void Measure::measure_statics(TouchMask mask, PointForces forces, double force_r
 /// sum (p - c) x f with |p''| and |c''| bounded, f changing evenly. Weight has no moment about c.
 double Measure::moment_curvature(TouchMask mask, PointForces forces,
                                  double force_rates) const noexcept {
-  const auto [com_velocity, com_acceleration] = com_motion();
+  // Plain names: a lambda may not capture a structured binding with every compiler.
+  const auto motion = com_motion();
+  const Eigen::Vector3d& com_velocity = motion.first;
+  const double com_acceleration = motion.second;
   double curvature = 0.0, fastest = 0.0, most = 0.0;
   for_each_bit(mask, [&](std::size_t i, std::size_t n) {
     const auto body = static_cast<std::size_t>(candidates_[i].body);
