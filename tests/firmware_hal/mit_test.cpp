@@ -218,6 +218,11 @@ TEST(MitTrap, FormatIsAgreedNotGuessed) {
   EXPECT_EQ(decode_mit_reply(fd, encode_mit_reply(classic, {}), reply), CodecStatus::kBadFormat);
   EXPECT_EQ(decode_mit_reply(classic, encode_mit_reply(fd, {}), reply), CodecStatus::kBadFormat);
   EXPECT_EQ(decode_mit_reply(fd, no_brs, reply), CodecStatus::kBadFormat);
+  MitDrive slow_fd = drive();
+  slow_fd.format = {true, false};
+  EXPECT_EQ(decode_mit_reply(slow_fd, no_brs, reply), CodecStatus::kOk);
+  EXPECT_EQ(decode_mit_reply(slow_fd, encode_mit_reply(classic, {}), reply),
+            CodecStatus::kBadFormat);
   EXPECT_EQ(decode_mit_reply(fd, extended, reply), CodecStatus::kBadFormat);
   EXPECT_EQ(decode_mit_reply(classic, remote, reply), CodecStatus::kBadFormat);
   EXPECT_EQ(decode_mit_reply(fd, encode_mit_reply(fd, {}), reply), CodecStatus::kOk);
