@@ -6,6 +6,8 @@
 #include <fstream>
 #include <set>
 
+#include "firmware_hal/make_host.hpp"
+#include "tests/firmware_hal/bench_drives.hpp"
 #include "tests/firmware_hal/coman_map.hpp"
 
 namespace clamber {
@@ -39,6 +41,54 @@ TEST(BusMap, ComanKeepsItsBoardNumbers) {
                                          test::shipped_map("coman_cia402.yaml").buses[0].drives[0]);
   EXPECT_NEAR(drive.counts_per_radian * 2 * M_PI, 6553600, 1e-6);
   EXPECT_NEAR(drive.torque_per_permille, 0.02, 1e-12);
+}
+
+/// Every bus of both maps, host against bench drives: all joints read, all drives on, all off.
+TEST(BusMap, HostsOfTheShippedMapsSwitchComanOnAndOff) {
+  for (const char* name : {"coman_mit.yaml", "coman_cia402.yaml"}) {
+    const BusMap map = test::shipped_map(name);
+    std::vector<JointState> states(23);
+    const std::vector<JointCommand> commands(23);
+    for (const Bus& bus : map.buses) {
+      const std::unique_ptr<BusHost> host = make_host(map, bus);
+      std::vector<test::BenchMitDrive> mit(bus.drives.size());
+      std::vector<test::BenchCia402Drive> servo(bus.drives.size());
+      for (std::size_t i = 0; i < bus.drives.size(); ++i) {
+        mit[i].codec = mit_drive(bus, bus.drives[i]);
+        servo[i].codec = cia402_drive(bus, bus.drives[i]);
+        mit[i].q = servo[i].q = 0.01 * bus.drives[i].node;
+        servo[i].objects = {{0x100000, 402}, {0x650200, 1u << 9}, {0x607600, 200}};
+      }
+      FrameList frames;
+      const auto tick = [&](int n) {
+        host->begin_tick(commands, frames);
+        for (const CanFrame& frame : frames.frames()) {
+          for (std::size_t i = 0; i < bus.drives.size(); ++i) {
+            const auto replies =
+                bus.protocol == BusProtocol::kMit ? mit[i].take(frame) : servo[i].take(frame);
+            for (const CanFrame& reply : replies) (void)host->receive(reply);
+          }
+        }
+        for (const test::BenchCia402Drive& drive : servo)
+          if (bus.protocol == BusProtocol::kCia402 && n % 20 == 19)
+            (void)host->receive(encode_heartbeat(drive.codec.node, drive.nmt));
+        host->end_tick(states);
+      };
+      int n = 0;
+      while (n < 200) tick(n++);
+      EXPECT_TRUE(host->all_off()) << bus.name;
+      host->set_goal(HostGoal::kOn);
+      while (n < 220) tick(n++);
+      EXPECT_TRUE(host->all_on()) << bus.name;
+      EXPECT_TRUE(host->replies_complete());
+      host->set_goal(HostGoal::kOff);
+      while (n < 225) tick(n++);
+      EXPECT_TRUE(host->all_off()) << bus.name;
+    }
+    for (const Bus& bus : map.buses)
+      for (const JointDrive& drive : bus.drives)
+        EXPECT_NEAR(states[static_cast<std::size_t>(drive.joint)].q, 0.01 * drive.node, 1e-3);
+  }
 }
 
 struct Case {
