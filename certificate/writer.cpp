@@ -9,9 +9,11 @@
 namespace clamber {
 namespace {
 
-/// A corner of a sole that rests on its surface carries up to this height above it, m: what inverse
-/// kinematics and spline leave, and less than a millimetre's give of shoe and floor.
-constexpr double kCornerTouches = 5e-4;
+/// A corner of a sole that rests on its surface carries up to this height above it, m: what the
+/// planner lets its keyframes leave (it calls a link landed within 1 mm), and less than soles and
+/// joints give under load. Lower, and a sole that its plan stands on loses a corner here: the rest
+/// cannot carry what the plan's torques are for.
+constexpr double kCornerTouches = 1e-3;
 
 /// Share of the certified friction that keyframes' forces may use: the rest is for the correction
 /// between keyframes.

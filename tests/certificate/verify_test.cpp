@@ -73,6 +73,46 @@ TEST(Verify, CertifyingTwiceGivesTheSameBytes) {
             format_certificate(good().certificate));
 }
 
+/// The made plan's certificate when its right sole is tilted by `angle` (rad) about the ankle.
+Certificate certify_tilted(double angle) {
+  const auto& made = test::made_plan();
+  Plan plan = made.plan;
+  for (Keyframe& k : plan.keyframes) k.x.q[*made.model.find_joint("RAnkLat")] += angle;
+  const PlannedMotion motion(test::text_of(plan), "plan", made.model, made.scenario);
+  return certify(motion, made.model, made.scenario, {});
+}
+
+std::size_t touching_right_corners(TouchMask mask) {
+  const auto& model = test::made_plan().model;
+  const std::vector<TouchCandidate> candidates = touch_candidates(model);
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < candidates.size(); ++i)
+    if (candidates[i].link == *model.find_contact("Rfoot")) count += mask >> i & 1;
+  return count;
+}
+
+// A plan's keyframe leaves its contacts by some tenths of a millimetre. All corners must still be
+// there to carry, or the witness has other torques than the plan.
+TEST(Certify, ASlightlyTiltedSoleStandsOnAllItsCorners) {
+  for (const double angle : {-0.015, -0.012, 0.012, 0.015}) {  // 0.6 and 0.75 mm at one edge
+    const Certificate certificate = certify_tilted(angle);
+    for (const CertificateSample& sample : certificate.samples)
+      ASSERT_EQ(touching_right_corners(sample.touching), 4u) << angle << " at " << sample.time;
+    EXPECT_LT(worst_of(certificate, Quantity::kFeedForwardError).value, 0.1) << angle;
+    const double gap = worst_of(certificate, Quantity::kContactGap).value;
+    EXPECT_GT(gap, 5.5e-4) << angle;
+    EXPECT_LT(gap, 8e-4) << angle;
+  }
+}
+
+TEST(Certify, AnEdgeThatHasRisenCarriesNothing) {
+  for (const double angle : {-0.04, 0.04}) {  // 2 mm
+    const Certificate certificate = certify_tilted(angle);
+    for (const CertificateSample& sample : certificate.samples)
+      ASSERT_EQ(touching_right_corners(sample.touching), 2u) << angle << " at " << sample.time;
+  }
+}
+
 TEST(Verify, AJointMovedByAHundredthIsRefusedAtEveryKeyframe) {
   const auto& made = test::made_plan();
   int physics = 0, all = 0;
