@@ -39,6 +39,15 @@ Certification certify_plan_file(const std::string& plan_file, const std::string&
   return verify_plan_file(plan_file, certificate_file, model, scenario, margins);
 }
 
+std::string why_not_certified(const Plan& plan, const RobotModel& model, const Scenario& scenario,
+                              const std::string& margins) {
+  const PlannedMotion motion(format_plan(plan), "the plan found", model, scenario);
+  const Acceptance acceptance = load_acceptance(find_file(margins));
+  const VerifyReport report = verify(motion, certify(motion, model, scenario, acceptance), model,
+                                     scenario, acceptance, {.all = false});
+  return report.valid ? "" : "not certified: " + report.reason;
+}
+
 Certification verify_plan_file(const std::string& plan_file, const std::string& certificate_file,
                                const RobotModel& model, const Scenario& scenario,
                                const std::string& margins) {

@@ -27,6 +27,11 @@ struct Certification {
                                               const RobotModel& model, const Scenario& scenario,
                                               const std::string& margins = kDefaultMargins);
 
+/// Why a plan would get no valid certificate, found without files; empty: it would.
+[[nodiscard]] std::string why_not_certified(const Plan& plan, const RobotModel& model,
+                                            const Scenario& scenario,
+                                            const std::string& margins = kDefaultMargins);
+
 /// Verifies a plan file against its certificate.
 [[nodiscard]] Certification verify_plan_file(const std::string& plan_file,
                                              const std::string& certificate_file,

@@ -84,8 +84,10 @@ PlanningResult plan_or_leave_log(const RobotModel& model, const Scenario& scenar
                                  const ContactSequence& sequence, const PlannerSettings& settings,
                                  const PlanFiles& files, Progress& progress) {
   try {
-    return plan_climb(model, scenario, sequence, settings,
-                      [&](double share, const std::string& what) { progress.update(share, what); });
+    return plan_climb(
+        model, scenario, sequence, settings,
+        [&](double share, const std::string& what) { progress.update(share, what); },
+        [&](const Plan& plan) { return why_not_certified(plan, model, scenario); });
   } catch (const PlanningFailed& error) {
     progress.clear();
     if (error.log() == nullptr) throw;

@@ -266,15 +266,18 @@ class CsvWriter {
 
 }  // namespace
 
-void save_plan(const Plan& plan, const std::filesystem::path& file) {
-  Json json = header_json(plan);
-  const std::string header = json.dump(1);
-  std::ofstream out(file, std::ios::binary);
+std::string format_plan(const Plan& plan) {
+  const std::string header = header_json(plan).dump(1);
   // One keyframe a line: a text tool can compare two plans keyframe by keyframe.
-  out << header.substr(0, header.rfind('\n')) << ",\n \"keyframes\": [";
+  std::string text = header.substr(0, header.rfind('\n')) + ",\n \"keyframes\": [";
   for (std::size_t i = 0; i < plan.keyframes.size(); ++i)
-    out << (i == 0 ? "\n  " : ",\n  ") << to_json(plan.keyframes[i]).dump();
-  out << "\n ]\n}\n";
+    text += (i == 0 ? "\n  " : ",\n  ") + to_json(plan.keyframes[i]).dump();
+  return text + "\n ]\n}\n";
+}
+
+void save_plan(const Plan& plan, const std::filesystem::path& file) {
+  std::ofstream out(file, std::ios::binary);
+  out << format_plan(plan);
   out.close();
   if (!out) throw InputError(file.string() + ": cannot write the plan");
 }

@@ -53,6 +53,8 @@ struct Plan {
   std::vector<Keyframe> keyframes;
 };
 
+/// The plan file's text.
+[[nodiscard]] std::string format_plan(const Plan& plan);
 void save_plan(const Plan& plan, const std::filesystem::path& file);
 /// @throws InputError
 [[nodiscard]] Plan load_plan(const std::filesystem::path& file);

@@ -193,46 +193,54 @@ Plan plan_header(const RobotModel& model, const Scenario& scenario, const std::s
 
 PlanningResult plan_climb(const RobotModel& model, const Scenario& scenario,
                           const ContactSequence& sequence, const PlannerSettings& settings,
-                          const PlanningProgress& progress) {
+                          const PlanningProgress& progress, const PlanCheck& check) {
   PlannerSettings used = settings;
   used.forces.friction = settings.friction_share * scenario.friction;
-  std::vector<std::string> notes = sequence.notes;
-  const std::vector<Move> moves = plan_moves(model, scenario, sequence, notes);
+  Plan empty = plan_header(model, scenario, sequence.recording, sequence.synthetic);
+  empty.notes = sequence.notes;
+  const std::vector<Move> moves = plan_moves(model, scenario, sequence, empty.notes);
   const Clearance clearance(model, scenario, used.clearance);
 
+  PlanningResult result;
+  double writing = 0.0, checking = 0.0;  // s
+  const ClimbCheck written = [&](const SearchResult& found) -> std::string {
+    const Stopwatch write_time;
+    Plan plan = empty;
+    PlanWriter writer(model, scenario, clearance, used, plan);
+    try {
+      write_keyframes(writer, found);
+    } catch (const PlanningFailed& error) {
+      return error.what();
+    }
+    writing += write_time.seconds();
+    const Stopwatch check_time;
+    const std::string why = check ? check(plan) : "";
+    checking += check_time.seconds();
+    if (why.empty()) {
+      result.plan = std::move(plan);
+    }
+    return why;
+  };
   const Stopwatch search_time;
   const ClimbSearch search =
       search_climb(model, scenario, clearance, used, start_configuration(model, scenario), moves,
-                   [&progress](int move, int of, const std::string& what) {
-                     progress(0.9 * move / std::max(of, 1), what);
+                   written, [&progress](int move, int of, const std::string& what) {
+                     progress(static_cast<double>(move) / std::max(of, 1), what);
                    });
-  const SearchResult& found = search.best;
-  const double searched = search_time.seconds();
-  PlanningResult result;
+  const double searched = search_time.seconds() - writing - checking;
   result.stages = {{"reference optimisation", search.reference_share * searched},
-                   {"search", (1.0 - search.reference_share) * searched}};
+                   {"search", (1.0 - search.reference_share) * searched},
+                   {"timing and torques", writing},
+                   {"checks of plans found", checking}};
   result.costs = search.costs;
   result.rejected = search.rejected;
   result.candidates = search.candidates;
   result.backtracks = search.backtracks;
-  const auto failed = [&result](const std::string& why) {
-    return PlanningFailed(why, std::make_shared<const PlanningLog>(result));
-  };
-  if (!found.success) {
-    throw failed("no statically stable, torque-feasible climb of " + scenario.name +
-                 " found; the furthest attempt ended with: " + found.failure);
+  if (!search.best.success) {
+    throw PlanningFailed("no statically stable, torque-feasible climb of " + scenario.name +
+                             " found; the furthest attempt ended with: " + search.best.failure,
+                         std::make_shared<const PlanningLog>(result));
   }
-  progress(0.9, "timing and torques");
-  const Stopwatch write_time;
-  result.plan = plan_header(model, scenario, sequence.recording, sequence.synthetic);
-  result.plan.notes = std::move(notes);
-  PlanWriter writer(model, scenario, clearance, used, result.plan);
-  try {
-    write_keyframes(writer, found);
-  } catch (const PlanningFailed& error) {
-    throw failed(error.what());
-  }
-  result.stages.emplace_back("timing and torques", write_time.seconds());
   progress(1.0, "done");
   return result;
 }

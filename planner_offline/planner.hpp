@@ -21,7 +21,8 @@ struct PlanningLog {
   std::vector<std::string> rejected;  ///< why each candidate that failed was given up
   std::size_t candidates = 0;
   std::size_t backtracks = 0;
-  /// Stages "reference optimisation", "search", "timing and torques": s of wall time each.
+  /// Stages "reference optimisation", "search", "timing and torques", "checks of plans found": s of
+  /// wall time each.
   std::vector<std::pair<std::string, double>> stages;
 };
 
@@ -32,17 +33,22 @@ struct PlanningResult : PlanningLog {
 /// Called as the work goes on: share done (0..1) and what is being done.
 using PlanningProgress = std::function<void(double share, const std::string& what)>;
 
+/// Why a plan that was found does not do after all (it gets no certificate); empty: it does.
+using PlanCheck = std::function<std::string(const Plan&)>;
+
 /// A plan without phases and keyframes: what it is made for and from.
 [[nodiscard]] Plan plan_header(const RobotModel& model, const Scenario& scenario,
                                const std::string& recording, bool synthetic_recording);
 
-/// Plans the climb of the scenario's first obstacle from its start pose.
+/// Plans the climb of the scenario's first obstacle from its start pose. Where `check` is given, a
+/// climb it has something against is not taken and the search goes on.
 /// @throws InputError     a sequence or scenario that does not fit the robot
 /// @throws PlanningFailed no statically stable, torque-feasible motion was found; with the log of
 ///                        what was tried, or contacts that make no climb
 [[nodiscard]] PlanningResult plan_climb(const RobotModel& model, const Scenario& scenario,
                                         const ContactSequence& sequence,
                                         const PlannerSettings& settings,
-                                        const PlanningProgress& progress);
+                                        const PlanningProgress& progress,
+                                        const PlanCheck& check = nullptr);
 
 }  // namespace clamber

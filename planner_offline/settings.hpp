@@ -48,10 +48,11 @@ struct SearchSettings {
 
 /// Timing of the plan.
 struct TimingSettings {
-  double joint_speed = 0.6;   ///< rad/s, fastest joint
-  double com_speed = 0.08;    ///< m/s
-  double knot_spacing = 0.1;  ///< s between keyframes
-  double load_time = 0.8;     ///< s to move weight onto or off a contact
+  double joint_speed = 0.6;       ///< rad/s, fastest joint
+  double com_speed = 0.08;        ///< m/s
+  double com_acceleration = 0.3;  ///< m/s^2, between keyframes
+  double knot_spacing = 0.1;      ///< s between keyframes
+  double load_time = 0.8;         ///< s to move weight onto or off a contact
 };
 
 struct PlannerSettings {

@@ -128,6 +128,7 @@ void read_keys(Section& section, SearchSettings& search) {
 void read_keys(Section& section, TimingSettings& timing) {
   section.positive("joint_speed", timing.joint_speed);
   section.positive("com_speed", timing.com_speed);
+  section.positive("com_acceleration", timing.com_acceleration);
   section.positive("knot_spacing", timing.knot_spacing);
   section.positive("load_time", timing.load_time);
 }

@@ -88,8 +88,15 @@ ForceSolution ContactForces::solve(const RobotData& data, const ContactSet& cont
   VelocityVector g;
   gravity_torque(model_, data, g);
   Eigen::VectorXd f;
-  if (solve_program(g, settings_.torque_share, settings_.least_normal, f) ||
-      solve_program(g, settings_.torque_share, 0.0, f)) {
+  bool feasible = false;
+  // In small steps, so that the forces do not jump where a contact's least load goes out of reach.
+  for (const double share : {1.0, 0.75, 0.5, 0.25, 0.0}) {
+    feasible = solve_program(g, settings_.torque_share, share * settings_.least_normal, f);
+    if (feasible) {
+      break;
+    }
+  }
+  if (feasible) {
     solution.status = Equilibrium::kFeasible;
   } else if (solve_program(g, std::numeric_limits<double>::infinity(), 0.0, f)) {
     solution.status = Equilibrium::kTorque;

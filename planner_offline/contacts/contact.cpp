@@ -80,7 +80,8 @@ Task contact_task(const RobotModel& model, const RobotData& data, const Contact&
   }
   if (contact.mode == ContactMode::kPoint) {
     const Eigen::Vector3d bottom = touch_point(model, data, contact.link);
-    return point_task(model, data, link.body, bottom, {0.0, 0.0, contact.height - bottom.z()});
+    return point_task(model, data, link.body, bottom,
+                      {-contact.slip.x(), -contact.slip.y(), contact.height - bottom.z()});
   }
   Task task = empty_task(model);
   const Pose& X_WB = data.X_WB[static_cast<std::size_t>(link.body)];
@@ -89,6 +90,22 @@ Task contact_task(const RobotModel& model, const RobotData& data, const Contact&
     task = task + point_task(model, data, link.body, now, contact.anchor * point - now);
   }
   return task;
+}
+
+void track_slip(const RobotModel& model, const RobotData& before, const RobotData& after,
+                ContactSet& contacts) {
+  for (Contact& contact : contacts) {
+    if (contact.mode != ContactMode::kPoint) {
+      continue;
+    }
+    const ContactLink& link = link_of(model, contact.link);
+    const auto body = static_cast<std::size_t>(link.body);
+    const Eigen::Vector3d turn = rotation_log(after.X_WB[body].R * before.X_WB[body].R.transpose());
+    const Eigen::Vector3d moved =
+        touch_point(model, after, contact.link) - touch_point(model, before, contact.link);
+    const Eigen::Vector3d rolled = turn.cross(Eigen::Vector3d(0.0, 0.0, link.radius));
+    contact.slip += (moved - rolled).head<2>();
+  }
 }
 
 bool only_patches(const RobotModel& model, const ContactSet& contacts) {

@@ -25,6 +25,9 @@ struct Contact {
   ContactMode mode = ContactMode::kPoint;
   double height = 0.0;  ///< where the contact is sought: the surface, less what it is pressed in, m
   Pose anchor;          ///< patch and toe: the body's pose when it was placed
+  /// Point: how far the sphere has slid instead of rolled (track_slip()); the task takes it back,
+  /// m.
+  Eigen::Vector2d slip = Eigen::Vector2d::Zero();
 };
 
 using ContactSet = std::vector<Contact>;
@@ -47,6 +50,11 @@ using ContactSet = std::vector<Contact>;
 /// height and a patch's pose are corrected.
 [[nodiscard]] Task contact_task(const RobotModel& model, const RobotData& data,
                                 const Contact& contact);
+
+/// Adds to every point's `slip` what it slid from one posture to the next: steps are finite, and
+/// rows that hold velocities let a little through each time.
+void track_slip(const RobotModel& model, const RobotData& before, const RobotData& after,
+                ContactSet& contacts);
 
 /// Lowest point of a contact link's sphere, or the sole's centre: what touches the surface.
 [[nodiscard]] Eigen::Vector3d touch_point(const RobotModel& model, const RobotData& data, int link);

@@ -81,6 +81,20 @@ Rejection MotionSearch::check(const std::vector<Stretch>& stretches) {
     const std::size_t last = stretch.path.size() - 1;
     for (std::size_t i = 0; i <= last; i = i == last ? last + 1 : std::min(i + kEvery, last)) {
       forward_kinematics(model_, stretch.path[i], data);
+      // The inverse kinematics keeps the margin to first order only.
+      const bool unloads = stretch.next_contacts.size() < stretch.contacts.size();
+      const ContactSet& carrying = stretch.kind == Stretch::Kind::kLoad && unloads
+                                       ? stretch.next_contacts
+                                       : stretch.contacts;
+      const double margin =
+          SupportRegion(contact_points(model_, data, carrying)).margin(data.com.head<2>());
+      const double least = 0.75 * settings_.search.support_margin;
+      if (margin < least) {
+        return {format((stretch.name + "%s: centre of mass keeps %.1f cm of %.1f cm support margin")
+                           .c_str(),
+                       "", 100.0 * margin, 100.0 * least),
+                least - margin};
+      }
       const ForceSolution solution = forces_.solve(data, stretch.contacts);
       if (solution.status == Equilibrium::kBalance) {
         return {stretch.name + ": no contact forces within the friction cones balance the robot",
@@ -112,15 +126,15 @@ Rejection MotionSearch::shift_weight(const Move& move, double margin, const Touc
   }
   MotionGoal goal;
   goal.contacts = relaxed;
-  goal.reach_region = region_of(node.x, common);
+  goal.reach_contacts = common;
   goal.reach_margin = margin - 0.005;
-  goal.region = region_of(node.x, relaxed);
+  goal.com_margin = margin;
   RobotData data;
   forward_kinematics(model_, node.x, data);
-  goal.region_margin =
-      std::min(settings_.search.support_margin, goal.region->margin(data.com.head<2>()));
+  goal.region_margin = std::min(settings_.search.support_margin,
+                                region_of(node.x, relaxed).margin(data.com.head<2>()));
   forward_kinematics(model_, keyframe.x, data);
-  goal.com = goal.reach_region->nearest_inside(data.com.head<2>(), margin);
+  goal.com = data.com.head<2>();
   goal.posture = keyframe.x.q;
   const MotionResult moved = steering_.move(node.x, goal);
   if (!moved.reached) {
@@ -280,11 +294,11 @@ void MotionSearch::settle(const Node& node) {
   MotionGoal goal;
   goal.contacts = node.contacts;
   goal.region_margin = settings_.search.support_margin;
-  goal.reach_region = region_of(node.x, node.contacts);
-  goal.reach_margin = settings_.search.settled_margin;
+  goal.reach_contacts = node.contacts;
+  goal.reach_margin = goal.com_margin = settings_.search.settled_margin;
   RobotData data;
   forward_kinematics(model_, node.x, data);
-  goal.com = goal.reach_region->nearest_inside(data.com.head<2>(), settings_.search.settled_margin);
+  goal.com = data.com.head<2>();
   goal.posture = node.x.q;
   // How far it gets is how far it goes: there is nothing to reach, only something to gain.
   MotionResult moved = steering_.move(node.x, goal);

@@ -12,8 +12,16 @@
 namespace clamber {
 namespace {
 
-constexpr double Placing::*kDirections[] = {&Placing::arms_forward, &Placing::legs_inward,
-                                            &Placing::last_side_back, &Placing::arms_apart};
+/// A knee has only half an arm's room: `share` of the search's step.
+struct Direction {
+  double Placing::*member;
+  double share;
+};
+constexpr Direction kDirections[] = {{&Placing::arms_forward, 1.0},
+                                     {&Placing::legs_inward, 0.5},
+                                     {&Placing::last_side_back, 1.0},
+                                     {&Placing::arms_apart, 1.0},
+                                     {&Placing::legs_forward, 0.5}};
 
 struct Attempt {
   Placing placing;
@@ -25,15 +33,17 @@ struct Attempt {
 };
 
 bool same(const Placing& a, const Placing& b) {
-  return std::all_of(std::begin(kDirections), std::end(kDirections),
-                     [&](auto direction) { return std::abs(a.*direction - b.*direction) < 1e-9; });
+  return std::all_of(std::begin(kDirections), std::end(kDirections), [&](auto direction) {
+    return std::abs(a.*direction.member - b.*direction.member) < 1e-9;
+  });
 }
 
 class PlacementSearch {
  public:
   PlacementSearch(const RobotModel& model, const Scenario& scenario, const Clearance& clearance,
                   const PlannerSettings& settings, const Configuration& start,
-                  const std::vector<Move>& moves, const MotionSearch::Progress& progress);
+                  const std::vector<Move>& moves, const ClimbCheck& check,
+                  const MotionSearch::Progress& progress);
 
   [[nodiscard]] ClimbSearch run();
 
@@ -52,6 +62,7 @@ class PlacementSearch {
   const PlannerSettings& settings_;
   const Configuration& start_;
   const std::vector<Move>& moves_;
+  const ClimbCheck& check_;
   MotionSearch::Progress progress_;
   std::set<std::string> standing_limbs_;
   double last_side_ = 0.0;  // sign of y of the leg that leaves the floor last
@@ -64,13 +75,14 @@ class PlacementSearch {
 PlacementSearch::PlacementSearch(const RobotModel& model, const Scenario& scenario,
                                  const Clearance& clearance, const PlannerSettings& settings,
                                  const Configuration& start, const std::vector<Move>& moves,
-                                 const MotionSearch::Progress& progress)
+                                 const ClimbCheck& check, const MotionSearch::Progress& progress)
     : model_(model),
       scenario_(scenario),
       clearance_(clearance),
       settings_(settings),
       start_(start),
-      moves_(moves) {
+      moves_(moves),
+      check_(check) {
   for (const ContactLink& contact : model.contacts) {
     if (contact.is_patch) {
       standing_limbs_.insert(contact.limb);
@@ -101,6 +113,7 @@ std::vector<Move> PlacementSearch::placed(const Placing& placing) const {
       } else {
         const double inward = std::min(std::abs(reference.y()), placing.legs_inward);
         reference.y() -= std::copysign(inward, reference.y());
+        reference.x() += placing.legs_forward;
       }
     }
   }
@@ -156,7 +169,21 @@ Attempt PlacementSearch::attempt(const Placing& placing) const {
   return attempt;
 }
 
+/// Takes stock of an attempt. A climb that would be the best so far is asked for its certificate;
+/// one that gets none counts as a failure after the last move.
 void PlacementSearch::keep(Attempt attempt) {
+  SearchResult& result = attempt.result;
+  if (result.success && attempt.score > best_.score) {
+    const std::string why = check_(result);
+    if (!why.empty()) {
+      result.success = false;
+      result.failure = why;
+      result.rejected.push_back(why);
+      result.furthest = moves_.size();
+      result.shortfall = 0.0;
+      attempt.score = score(result);
+    }
+  }
   ++found_.attempts;
   found_.candidates += attempt.result.candidates_tried;
   found_.backtracks += attempt.result.backtracks;
@@ -201,21 +228,20 @@ bool PlacementSearch::try_all(const std::vector<Placing>& placings) {
       keep(other.get());
     }
   }
-  constexpr double kTrifle = 0.015;  // of a move's score: 3 mm of a failed move's shortfall
+  constexpr double kTrifle = 0.005;  // of a move's score: 1 mm of a failed move's shortfall
   return best_.score > before + (best_.result.success ? 0.0 : kTrifle);
 }
 
 ClimbSearch PlacementSearch::run() {
   (void)try_all({Placing{}});
   double step = 0.06;  // m
-  constexpr double kFinest = 0.015;
+  constexpr double kFinest = 0.0075;
   while (!finished() && step >= kFinest) {
     std::vector<Placing> around;
-    for (const auto direction : kDirections) {
+    for (const Direction& direction : kDirections) {
       for (const double sign : {-1.0, 1.0}) {
         Placing placing = best_.placing;
-        // A knee has only half an arm's room.
-        placing.*direction += sign * (direction == &Placing::legs_inward ? 0.5 : 1.0) * step;
+        placing.*direction.member += sign * direction.share * step;
         around.push_back(placing);
       }
     }
@@ -233,8 +259,8 @@ ClimbSearch PlacementSearch::run() {
 ClimbSearch search_climb(const RobotModel& model, const Scenario& scenario,
                          const Clearance& clearance, const PlannerSettings& settings,
                          const Configuration& start, const std::vector<Move>& moves,
-                         const MotionSearch::Progress& progress) {
-  return PlacementSearch(model, scenario, clearance, settings, start, moves, progress).run();
+                         const ClimbCheck& check, const MotionSearch::Progress& progress) {
+  return PlacementSearch(model, scenario, clearance, settings, start, moves, check, progress).run();
 }
 
 }  // namespace clamber

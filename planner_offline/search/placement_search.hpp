@@ -2,6 +2,7 @@
 // Start-up only: allocates; uses several threads; deterministic whatever their number.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -16,7 +17,8 @@ struct Placing {
   /// The arm on the side of the leg that leaves the floor last comes nearer to the edge: the line
   /// from it to the other knee bounds the support when that leg lifts.
   double last_side_back = 0.0;
-  double legs_inward = 0.0;  ///< knees towards the robot's middle
+  double legs_inward = 0.0;   ///< knees towards the robot's middle
+  double legs_forward = 0.0;  ///< over the obstacle
 };
 
 struct ClimbSearch {
@@ -29,11 +31,16 @@ struct ClimbSearch {
   double reference_share = 0.0;  ///< of the processor time that reference optimisation took
 };
 
+/// Why a climb that was found does not do after all; empty: it does.
+using ClimbCheck = std::function<std::string(const SearchResult&)>;
+
 /// Plans the whole climb with the recorded places, then around the best ones found so far, until
-/// one is steady enough or the attempts are used up.
+/// one that `check` has nothing against is steady enough or the attempts are used up.
+/// @param check  called from the calling thread only
 [[nodiscard]] ClimbSearch search_climb(const RobotModel& model, const Scenario& scenario,
                                        const Clearance& clearance, const PlannerSettings& settings,
                                        const Configuration& start, const std::vector<Move>& moves,
+                                       const ClimbCheck& check,
                                        const MotionSearch::Progress& progress);
 
 }  // namespace clamber

@@ -59,6 +59,7 @@ std::string numbers(const char* format, double a, double b) {
 
 struct Steering::Progress {
   std::vector<Runner> runners;
+  ContactSet contacts;       // the goal's, with their slip so far
   double swing_error = 0.0;  // m, largest height error of a landing link (place: 3 cm allowed)
   bool swings_done = true;
   double com_error = 0.0;  // m
@@ -110,7 +111,7 @@ Eigen::VectorXd Steering::posture_error(const Configuration& x, const MotionGoal
 
 TaskStack Steering::stack_for(const Configuration& x, const MotionGoal& goal, Progress& progress) {
   Task held = empty_task(model_);
-  for (const Contact& contact : goal.contacts) {
+  for (const Contact& contact : progress.contacts) {
     held = held + contact_task(model_, data_, contact);
   }
   held.e = shortened(held.e, 0.01);
@@ -118,8 +119,11 @@ TaskStack Steering::stack_for(const Configuration& x, const MotionGoal& goal, Pr
   Task places = empty_task(model_);
   TaskStack stack{held};
   stack.push_back(swing_tasks(goal, progress, places));
-  if (goal.com) {
-    const Eigen::Vector2d error = *goal.com - data_.com.head<2>();
+  if (!goal.reach_contacts.empty()) {
+    // Contacts roll: where they are, and so where the CoM has to be, moves with the posture.
+    const SupportRegion region(contact_points(model_, data_, goal.reach_contacts));
+    const Eigen::Vector2d error =
+        region.nearest_inside(goal.com, goal.com_margin) - data_.com.head<2>();
     progress.com_error = error.norm();
     stack.push_back(com_task(model_, data_, shortened(error, settings_.search.com_step)));
   }
@@ -133,6 +137,11 @@ TaskStack Steering::stack_for(const Configuration& x, const MotionGoal& goal, Pr
   return stack;
 }
 
+double Steering::reach_kept(const MotionGoal& goal) const {
+  return SupportRegion(contact_points(model_, data_, goal.reach_contacts))
+      .margin(data_.com.head<2>());
+}
+
 MotionResult Steering::move(const Configuration& start, const MotionGoal& goal) {
   MotionResult result;
   result.path.push_back(start);
@@ -141,6 +150,7 @@ MotionResult Steering::move(const Configuration& start, const MotionGoal& goal) 
   Progress progress;
   IkConstraints constraints;
   constraints.contacts = &goal.contacts;
+  progress.contacts = goal.contacts;
   for (const Swing& swing : goal.swings) {
     progress.runners.push_back({0, touch_point(model_, data_, swing.link), 0});
     constraints.landing.push_back(swing.link);
@@ -161,12 +171,13 @@ MotionResult Steering::move(const Configuration& start, const MotionGoal& goal) 
     Configuration next;
     integrate(model_, x, dv, next);
     x = next;
+    const RobotData before = data_;
     forward_kinematics(model_, x, data_);
+    track_slip(model_, before, data_, progress.contacts);
     result.path.push_back(x);
     const double motion = dv.cwiseAbs().maxCoeff();
     stalled = motion < 1e-3 ? stalled + 1 : 0;
-    const bool com_ok =
-        !goal.reach_region || goal.reach_region->margin(data_.com.head<2>()) >= goal.reach_margin;
+    const bool com_ok = goal.reach_contacts.empty() || reach_kept(goal) >= goal.reach_margin;
     const bool posture_ok = !goal.posture_must_converge || stalled >= 3;
     if (progress.swings_done && com_ok && posture_ok) {
       result.reached = true;
@@ -180,8 +191,8 @@ MotionResult Steering::move(const Configuration& start, const MotionGoal& goal) 
   if (!progress.swings_done) {
     result.shortfall = progress.swing_error;
     result.reason = numbers("swing stops %.1f cm short", 100.0 * progress.swing_error, 0.0);
-  } else if (goal.reach_region) {
-    const double margin = goal.reach_region->margin(data_.com.head<2>());
+  } else if (!goal.reach_contacts.empty()) {
+    const double margin = reach_kept(goal);
     result.shortfall = goal.reach_margin - margin;
     result.reason = numbers("centre of mass keeps %.1f cm of %.1f cm support margin",
                             100.0 * margin, 100.0 * goal.reach_margin);

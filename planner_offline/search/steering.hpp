@@ -23,13 +23,13 @@ struct Swing {
 struct MotionGoal {
   ContactSet contacts;
   std::vector<Swing> swings;
-  std::optional<SupportRegion> region;        ///< hold the CoM in here all the way
-  double region_margin = 0.0;                 ///< m
-  std::optional<Eigen::Vector2d> com;         ///< m
-  std::optional<SupportRegion> reach_region;  ///< done only once the CoM is in here ...
-  double reach_margin = 0.0;                  ///< ... by this much, m
-  std::optional<JointVector> posture;         ///< rad
-  bool posture_must_converge = false;         ///< done only when the posture moves no more
+  double region_margin = 0.0;  ///< m, the CoM stays inside the region of `contacts` by this much
+  ContactSet reach_contacts;  ///< these are to carry: done only once the CoM is in their region ...
+  double reach_margin = 0.0;  ///< ... by this much, m
+  double com_margin = 0.0;    ///< m, the CoM is brought to this far inside of it ...
+  Eigen::Vector2d com = Eigen::Vector2d::Zero();  ///< ... at the place nearest to this one, m
+  std::optional<JointVector> posture;             ///< rad
+  bool posture_must_converge = false;             ///< done only when the posture moves no more
 };
 
 struct MotionResult {
@@ -55,6 +55,7 @@ class Steering {
                                     Progress& progress);
   [[nodiscard]] Task swing_tasks(const MotionGoal& goal, Progress& progress, Task& places) const;
 
+  [[nodiscard]] double reach_kept(const MotionGoal& goal) const;
   [[nodiscard]] Eigen::VectorXd posture_error(const Configuration& x, const MotionGoal& goal);
 
   const RobotModel& model_;

@@ -27,6 +27,24 @@ std::vector<Configuration> smoothed(std::vector<Configuration> path) {
   return path;
 }
 
+/// Puts a posture back onto its contacts by the least change: smoothing and the way between two
+/// postures leave them by tenths of a millimetre.
+void hold_contacts(const RobotModel& model, const ContactSet& contacts, Configuration& x) {
+  constexpr int kPasses = 2;
+  for (int pass = 0; pass < kPasses; ++pass) {
+    RobotData data;
+    forward_kinematics(model, x, data);
+    Task held = empty_task(model);
+    for (const Contact& contact : contacts) {
+      held = held + contact_task(model, data, contact);
+    }
+    const VelocityVector dv = held.J.completeOrthogonalDecomposition().solve(held.e);
+    Configuration next;
+    integrate(model, x, dv, next);
+    x = next;
+  }
+}
+
 /// Time each step of the path takes at the settings' speeds, summed up from its start.
 std::vector<double> cumulated_time(const RobotModel& model, const std::vector<Configuration>& path,
                                    const TimingSettings& settings) {
@@ -49,23 +67,16 @@ double minimum_jerk(double u) { return u * u * u * (10.0 + u * (-15.0 + 6.0 * u)
 
 constexpr double kPeakRate = 1.875;  // of minimum_jerk()
 
-}  // namespace
-
-std::vector<TimedPosture> time_stretch(const RobotModel& model, const Stretch& stretch,
-                                       const TimingSettings& settings) {
-  const bool rests = stretch.kind == Stretch::Kind::kLoad || stretch.path.size() < 2;
-  const std::vector<Configuration> path = rests ? stretch.path : smoothed(stretch.path);
-  const std::vector<double> along = cumulated_time(model, path, settings);
-  constexpr double kShortest = 0.4;  // s
-  const double duration =
-      rests ? settings.load_time : std::max(kShortest, kPeakRate * along.back());
-  const int knots = std::max(2, static_cast<int>(std::ceil(duration / settings.knot_spacing)));
+/// The path's posture at minimum-jerk times over `duration`.
+std::vector<TimedPosture> sampled(const RobotModel& model, const ContactSet& contacts,
+                                  const std::vector<Configuration>& path,
+                                  const std::vector<double>& along, double duration, int knots) {
   std::vector<TimedPosture> timed;
   std::size_t i = 1;
   for (int k = 0; k <= knots; ++k) {
     const double u = static_cast<double>(k) / knots;
     TimedPosture posture{u * duration, u, path.front()};
-    if (!rests) {
+    if (path.size() > 1) {
       const double at = minimum_jerk(u) * along.back();
       while (i + 1 < path.size() && along[i] < at) {
         ++i;
@@ -73,8 +84,60 @@ std::vector<TimedPosture> time_stretch(const RobotModel& model, const Stretch& s
       const double step = along[i] - along[i - 1];
       const double t = step > 0.0 ? std::clamp((at - along[i - 1]) / step, 0.0, 1.0) : 1.0;
       posture.x = between(path[i - 1], path[i], t);
+      if (k > 0 && k < knots) {  // the ends are where the stretches before and after take over
+        hold_contacts(model, contacts, posture.x);
+      }
     }
     timed.push_back(posture);
+  }
+  return timed;
+}
+
+/// Largest acceleration of the centre of mass from knot to knot, at rest before and after, m/s^2.
+double com_acceleration(const RobotModel& model, const std::vector<TimedPosture>& timed) {
+  std::vector<Eigen::Vector3d> com;
+  com.reserve(timed.size() + 2);
+  RobotData data;
+  for (const TimedPosture& posture : timed) {
+    forward_kinematics(model, posture.x, data);
+    com.push_back(data.com);
+  }
+  com.insert(com.begin(), com.front());
+  com.push_back(com.back());
+  const double h = timed[1].time - timed[0].time;
+  double largest = 0.0;
+  for (std::size_t i = 1; i + 1 < com.size(); ++i) {
+    largest = std::max(largest, (com[i - 1] - 2.0 * com[i] + com[i + 1]).norm() / (h * h));
+  }
+  return largest;
+}
+
+}  // namespace
+
+std::vector<TimedPosture> time_stretch(const RobotModel& model, const Stretch& stretch,
+                                       const TimingSettings& settings) {
+  const auto knots_for = [&settings](double duration) {
+    return std::max(2, static_cast<int>(std::ceil(duration / settings.knot_spacing)));
+  };
+  if (stretch.kind == Stretch::Kind::kLoad || stretch.path.size() < 2) {
+    return sampled(model, stretch.contacts, {stretch.path.front()}, {0.0}, settings.load_time,
+                   knots_for(settings.load_time));
+  }
+  const std::vector<Configuration> path = smoothed(stretch.path);
+  const std::vector<double> along = cumulated_time(model, path, settings);
+  constexpr double kShortest = 0.4;  // s
+  double duration = std::max(kShortest, kPeakRate * along.back());
+  std::vector<TimedPosture> timed =
+      sampled(model, stretch.contacts, path, along, duration, knots_for(duration));
+  // Corners of the path are what accelerates; slower, the same corners accelerate less.
+  constexpr int kTries = 3;
+  for (int i = 0; i < kTries; ++i) {
+    const double excess = com_acceleration(model, timed) / settings.com_acceleration;
+    if (excess <= 1.0) {
+      break;
+    }
+    duration *= std::min(1.5, std::sqrt(excess) + 0.02);
+    timed = sampled(model, stretch.contacts, path, along, duration, knots_for(duration));
   }
   return timed;
 }

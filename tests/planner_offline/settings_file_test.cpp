@@ -55,8 +55,8 @@ auto members(const SearchSettings& s) {
   return std::tuple(a, b, c, d, e, f, g, h, i, j, k, l, m, n, o);
 }
 auto members(const TimingSettings& s) {
-  const auto& [a, b, c, d] = s;
-  return std::tuple(a, b, c, d);
+  const auto& [a, b, c, d, e] = s;
+  return std::tuple(a, b, c, d, e);
 }
 
 TEST_F(SettingsFile, TheShippedFileStatesTheDefaults) {
