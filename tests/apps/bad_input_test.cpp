@@ -295,7 +295,11 @@ const Case kCases[] = {
      kRun,
      2,
      "expected ode or socketcan, found ethercat"},
-    {"LogCannotBeWritten", {}, "run plan.json --uncertified --no-dds -o /dev/null/x.log", 2, "/dev/null"},
+    {"LogCannotBeWritten",
+     {},
+     "run plan.json --uncertified --no-dds -o /dev/null/x.log",
+     2,
+     "/dev/null"},
 
     // Monitor and report
     {"NoTelemetry", {}, "monitor --plain --timeout 0.3", 1, "no telemetry of robot 'coman'"},
