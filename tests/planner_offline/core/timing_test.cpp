@@ -138,5 +138,31 @@ TEST(Timing, AMotionThatGoesNowhereIsStillATimedStretch) {
   EXPECT_LT((timed.back().x.q - coman().home).norm(), 1e-12);
 }
 
+TEST(Timing, CornersOfThePathAreTakenSlowlyEnough) {
+  // Out and back again: at the turn the centre of mass would reverse within one knot.
+  Stretch stretch = way(raised_arm(), 20);
+  stretch.path.insert(stretch.path.end(), stretch.path.rbegin() + 1, stretch.path.rend());
+  TimingSettings quick, gentle;
+  quick.joint_speed = gentle.joint_speed = 4.0;
+  quick.com_acceleration = 1e3;
+  gentle.com_acceleration = 0.02;
+  const auto fastest = [](const std::vector<TimedPosture>& timed) {
+    double largest = 0.0;
+    for (std::size_t i = 1; i + 1 < timed.size(); ++i) {
+      const double h = timed[i].time - timed[i - 1].time;
+      largest = std::max(largest, (data_at(timed[i + 1].x).com - 2.0 * data_at(timed[i].x).com +
+                                   data_at(timed[i - 1].x).com)
+                                          .norm() /
+                                      (h * h));
+    }
+    return largest;
+  };
+  const auto hurried = time_stretch(coman(), stretch, quick);
+  const auto slowed = time_stretch(coman(), stretch, gentle);
+  EXPECT_GT(fastest(hurried), 1.2 * gentle.com_acceleration);
+  EXPECT_LE(fastest(slowed), 1.2 * gentle.com_acceleration);
+  EXPECT_GT(slowed.back().time, hurried.back().time);
+}
+
 }  // namespace
 }  // namespace clamber

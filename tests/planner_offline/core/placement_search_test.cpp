@@ -1,0 +1,73 @@
+// The search over contact places: asks before it takes a climb, goes on when told no, and comes to
+// the same result every time although attempts run side by side.
+#include "planner_offline/search/placement_search.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/planner_offline/core/core_fixture.hpp"
+
+namespace clamber {
+namespace {
+
+ClimbSearch search(const ClimbCheck& check, std::size_t most_attempts) {
+  const Scenario scenario = box();
+  PlannerSettings settings;
+  settings.search.steady_margin = -1.0;  // the first climb is steady enough
+  settings.search.most_attempts = most_attempts;
+  std::vector<std::string> notes;
+  const std::vector<Move> moves = plan_moves(coman(), scenario, made_climb(), notes);
+  const Clearance clearance(coman(), scenario, settings.clearance);
+  return search_climb(coman(), scenario, clearance, settings, standing(scenario), moves, check,
+                      [](int, int, const std::string&) {});
+}
+
+TEST(PlacementSearch, TakesTheFirstClimbThatIsSteadyAndApproved) {
+  int asked = 0;
+  const ClimbSearch found = search(
+      [&](const SearchResult& result) {
+        ++asked;
+        EXPECT_TRUE(result.success);
+        EXPECT_FALSE(result.stretches.empty());
+        return std::string();
+      },
+      9);
+  ASSERT_TRUE(found.best.success) << found.best.failure;
+  EXPECT_EQ(asked, 1);
+  EXPECT_EQ(found.attempts, 1U);
+}
+
+TEST(PlacementSearch, GoesOnWhenAClimbIsNotApproved) {
+  int asked = 0;
+  const ClimbSearch found =
+      search([&](const SearchResult&) { return ++asked == 1 ? "not that one" : ""; }, 9);
+  ASSERT_TRUE(found.best.success) << found.best.failure;
+  EXPECT_GE(asked, 2);
+  EXPECT_GT(found.attempts, 1U);
+  EXPECT_THAT(found.rejected, testing::Contains("not that one"));
+}
+
+TEST(PlacementSearch, GivesTheReasonWhenNoneIsApproved) {
+  const ClimbSearch found = search([](const SearchResult&) { return "none will do"; }, 5);
+  EXPECT_FALSE(found.best.success);
+  EXPECT_EQ(found.best.failure, "none will do");
+  EXPECT_GE(found.attempts, 5U);
+}
+
+TEST(PlacementSearch, ComesToTheSameResultEveryTime) {
+  const auto run = [] {
+    int asked = 0;
+    return search([&](const SearchResult&) { return ++asked < 3 ? "no" : ""; }, 9);
+  };
+  const ClimbSearch a = run(), b = run();
+  EXPECT_EQ(a.attempts, b.attempts);
+  EXPECT_EQ(a.candidates, b.candidates);
+  EXPECT_EQ(a.rejected, b.rejected);
+  ASSERT_EQ(a.best.stretches.size(), b.best.stretches.size());
+  for (std::size_t i = 0; i < a.best.stretches.size(); ++i) {
+    EXPECT_EQ(a.best.stretches[i].path.back().q, b.best.stretches[i].path.back().q);
+  }
+}
+
+}  // namespace
+}  // namespace clamber
