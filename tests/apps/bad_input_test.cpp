@@ -317,8 +317,8 @@ TEST(CommandLine, HelpAndVersionAreFine) {
   EXPECT_EQ(version.exit_code, 0);
   EXPECT_THAT(version.out, testing::StartsWith("clamber "));
   EXPECT_THAT(test::clamber("--help", folder.path()).out, HasSubstr("clamber climb"));
-  for (const char* command :
-       {"climb", "import", "playback", "contacts", "plan", "verify", "run", "monitor", "report"}) {
+  for (const char* command : {"climb", "import", "playback", "contacts", "plan", "verify", "run",
+                              "sweep", "monitor", "report"}) {
     const test::CommandResult help = test::clamber(std::string(command) + " --help", folder.path());
     EXPECT_EQ(help.exit_code, 0) << command;
     EXPECT_THAT(help.out, HasSubstr("Example")) << command;
