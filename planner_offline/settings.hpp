@@ -27,8 +27,8 @@ struct ReferenceSettings {
 
 /// Search for intermediate postures, paper IV-D.
 struct SearchSettings {
-  std::size_t most_candidates = 30;  ///< keyframes, weight shifts and swings tried per attempt
-  std::size_t most_attempts = 60;    ///< sets of contact places tried before there is no climb
+  std::size_t most_candidates = 40;  ///< keyframes, weight shifts and swings tried per attempt
+  std::size_t most_attempts = 150;   ///< sets of contact places tried before there is no climb
   std::size_t steady_attempts = 12;  ///< sets tried before a climb that is not steady is taken
   int most_steps = 400;           ///< inverse-kinematics steps of one motion before it is given up
   double support_margin = 0.012;  ///< m, CoM inside the support region

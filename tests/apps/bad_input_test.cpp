@@ -232,7 +232,7 @@ const Case kCases[] = {
      "shows no climb: none of its"},
     // Few candidates: with the default the search takes its time before it gives up.
     {"UnreachableHeight",
-     {{"configs/planner/default.yaml", "", "most_candidates: 30", "most_candidates: 2"}},
+     {{"configs/planner/default.yaml", "", "most_candidates: 40", "most_candidates: 2"}},
      kPlan + " --height 0.8",
      1,
      "no plan: "},
