@@ -118,10 +118,8 @@ void PlanWriter::add_keyframe(const Stretch& stretch, const TimedPosture& postur
              : scenario_.obstacles[static_cast<std::size_t>(contact.surface)].name,
          touch_point(model_, data_, contact.link), forces.forces[i]});
   }
-  // While weight goes over, the smaller set is the one that has to hold.
-  const ContactSet& carrying = loads && !grows ? stretch.next_contacts : stretch.contacts;
   keyframe.support_margin =
-      SupportRegion(contact_points(model_, data_, carrying)).margin(data_.com.head<2>());
+      SupportRegion(contact_points(model_, data_, carrying(stretch))).margin(data_.com.head<2>());
   const ClearanceReport clear = clearance_.report(data_, contacts, stretch.landing);
   keyframe.obstacle_clearance = clear.obstacle;
   keyframe.self_clearance = clear.self;

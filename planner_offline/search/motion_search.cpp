@@ -43,6 +43,12 @@ std::string format(const char* text, const std::string& name, double a, double b
 
 }  // namespace
 
+const ContactSet& carrying(const Stretch& stretch) {
+  const bool unloads = stretch.kind == Stretch::Kind::kLoad &&
+                       stretch.next_contacts.size() < stretch.contacts.size();
+  return unloads ? stretch.next_contacts : stretch.contacts;
+}
+
 MotionSearch::MotionSearch(const RobotModel& model, const Scenario& scenario,
                            const Clearance& clearance, const PlannerSettings& settings,
                            ReferenceOptimiser& references)
@@ -82,12 +88,8 @@ Rejection MotionSearch::check(const std::vector<Stretch>& stretches) {
     for (std::size_t i = 0; i <= last; i = i == last ? last + 1 : std::min(i + kEvery, last)) {
       forward_kinematics(model_, stretch.path[i], data);
       // The inverse kinematics keeps the margin to first order only.
-      const bool unloads = stretch.next_contacts.size() < stretch.contacts.size();
-      const ContactSet& carrying = stretch.kind == Stretch::Kind::kLoad && unloads
-                                       ? stretch.next_contacts
-                                       : stretch.contacts;
       const double margin =
-          SupportRegion(contact_points(model_, data, carrying)).margin(data.com.head<2>());
+          SupportRegion(contact_points(model_, data, carrying(stretch))).margin(data.com.head<2>());
       const double least = 0.75 * settings_.search.support_margin;
       if (margin < least) {
         return {format((stretch.name + "%s: centre of mass keeps %.1f cm of %.1f cm support margin")

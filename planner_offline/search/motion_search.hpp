@@ -26,6 +26,9 @@ struct Stretch {
   std::vector<int> landing;  ///< kMotion: links on their way to a surface, or just off one
 };
 
+/// The contacts that have to hold all through a stretch: while weight goes over, the smaller set.
+[[nodiscard]] const ContactSet& carrying(const Stretch& stretch);
+
 struct SearchResult {
   bool success = false;
   std::vector<Stretch> stretches;

@@ -178,8 +178,7 @@ MotionResult Steering::move(const Configuration& start, const MotionGoal& goal) 
     const double motion = dv.cwiseAbs().maxCoeff();
     stalled = motion < 1e-3 ? stalled + 1 : 0;
     const bool com_ok = goal.reach_contacts.empty() || reach_kept(goal) >= goal.reach_margin;
-    const bool posture_ok = !goal.posture_must_converge || stalled >= 3;
-    if (progress.swings_done && com_ok && posture_ok) {
+    if (progress.swings_done && com_ok) {
       result.reached = true;
       return result;
     }
@@ -191,13 +190,11 @@ MotionResult Steering::move(const Configuration& start, const MotionGoal& goal) 
   if (!progress.swings_done) {
     result.shortfall = progress.swing_error;
     result.reason = numbers("swing stops %.1f cm short", 100.0 * progress.swing_error, 0.0);
-  } else if (!goal.reach_contacts.empty()) {
+  } else {
     const double margin = reach_kept(goal);
     result.shortfall = goal.reach_margin - margin;
     result.reason = numbers("centre of mass keeps %.1f cm of %.1f cm support margin",
                             100.0 * margin, 100.0 * goal.reach_margin);
-  } else {
-    result.reason = "posture does not settle";
   }
   return result;
 }

@@ -29,7 +29,6 @@ struct MotionGoal {
   double com_margin = 0.0;    ///< m, the CoM is brought to this far inside of it ...
   Eigen::Vector2d com = Eigen::Vector2d::Zero();  ///< ... at the place nearest to this one, m
   std::optional<JointVector> posture;             ///< rad
-  bool posture_must_converge = false;             ///< done only when the posture moves no more
 };
 
 struct MotionResult {
