@@ -32,7 +32,7 @@ std::string certificate_beside(const std::string& plan_file) {
 Certification certify_plan_file(const std::string& plan_file, const std::string& certificate_file,
                                 const RobotModel& model, const Scenario& scenario,
                                 const std::string& margins) {
-  const PlannedMotion motion(read_file(plan_file), plan_file, model, scenario);
+  const PlannedMotion motion(read_file(plan_file, kPlanBytes), plan_file, model, scenario);
   make_folder_of(certificate_file);
   save_certificate(certify(motion, model, scenario, load_acceptance(find_file(margins))),
                    certificate_file);
@@ -54,7 +54,7 @@ Certification verify_plan_file(const std::string& plan_file, const std::string& 
   std::error_code error;
   if (!std::filesystem::exists(certificate_file, error))
     throw InputError(certificate_file + ": no such file: the plan has no certificate");
-  const std::string bytes = read_file(certificate_file), plan = read_file(plan_file);
+  const std::string bytes = read_file(certificate_file, kPlanBytes), plan = read_file(plan_file, kPlanBytes);
   const Certificate certificate = parse_certificate(bytes, certificate_file);
   Certification out{sha256_hex(bytes), {}, coverage_of(bytes)};
   if (const std::string sha256 = sha256_hex(plan); sha256 != certificate.header.plan_sha256) {
@@ -72,8 +72,8 @@ Certification verify_plan_file(const std::string& plan_file, const std::string& 
 std::string check_image_file(const std::string& image_file, const std::string& plan_file,
                              const std::string& certificate_file, const RobotModel& model,
                              const Scenario& scenario) {
-  const std::string bytes = read_file(certificate_file);
-  const PlannedMotion motion(read_file(plan_file), plan_file, model, scenario);
+  const std::string bytes = read_file(certificate_file, kPlanBytes);
+  const PlannedMotion motion(read_file(plan_file, kPlanBytes), plan_file, model, scenario);
   return check_image(read_plan_image(image_file), motion,
                      parse_certificate(bytes, certificate_file), sha256_hex(bytes));
 }

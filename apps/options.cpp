@@ -47,11 +47,19 @@ void add_scenario_options(CLI::App& command, ScenarioOptions& options) {
   command.add_option("--scenario", options.scenario, "obstacle, start pose and goal")
       ->capture_default_str();
   command.add_option("--height", options.height, "m, another height for the scenario's obstacle");
+  command.add_option("--goal", options.goal, "another goal: all_fours, stand_on_top, over, back_down")
+      ->transform(CLI::CheckedTransformer(
+          std::map<std::string, Goal>{{"all_fours", Goal::kAllFours},
+                                      {"stand_on_top", Goal::kStandOnTop},
+                                      {"over", Goal::kOver},
+                                      {"back_down", Goal::kBackDown}}));
 }
 
 Scenario load_scenario(const ScenarioOptions& options) {
   Scenario scenario = load_scenario(find_file(options.scenario));
-  return options.height ? with_height(std::move(scenario), *options.height) : scenario;
+  if (options.height) scenario = with_height(std::move(scenario), *options.height);
+  if (options.goal) scenario = with_goal(std::move(scenario), *options.goal);
+  return scenario;
 }
 
 void add_recording_options(CLI::App& command, RecordingOptions& options) {

@@ -29,6 +29,7 @@ void add_robot_options(CLI::App& command, RobotOptions& options);
 struct ScenarioOptions {
   std::string scenario = "configs/scenarios/box_0.275.yaml";
   std::optional<double> height;
+  std::optional<Goal> goal;
 };
 void add_scenario_options(CLI::App& command, ScenarioOptions& options);
 [[nodiscard]] Scenario load_scenario(const ScenarioOptions& options);

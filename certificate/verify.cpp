@@ -61,7 +61,9 @@ class Verifier {
     for (std::size_t i = 0; i < times_.size() && (report_.violations == 0 || options_.all); ++i) {
       const std::string wrong = check_sample(i);
       ++report_.samples;
-      if (!wrong.empty()) refuse(numbers("at %.3f s: ", times_[i].time) + wrong);
+      const auto phase = static_cast<std::size_t>(motion_.segments[times_[i].segment].phase);
+      if (!wrong.empty())
+        refuse(numbers("at %.3f s, ", times_[i].time) + motion_.phases[phase] + ": " + wrong);
     }
     report_.valid = report_.violations == 0;
     return report_;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "planner_offline/search/goal_search.hpp"
 #include "planner_offline/search/placement_search.hpp"
 #include "planner_offline/search/timing.hpp"
 
@@ -136,34 +137,17 @@ void PlanWriter::add(const Stretch& stretch) {
   }
 }
 
-/// A load stretch ends with the contacts as the stretch after it holds them: a foot that will roll
-/// over its toes has its heel unloaded by then, and torques do not jump.
-Stretch ending_as(Stretch stretch, const Stretch* following) {
-  if (stretch.kind != Stretch::Kind::kLoad || following == nullptr) {
-    return stretch;
-  }
-  for (Contact& contact : stretch.next_contacts) {
-    for (const Contact& held : following->contacts) {
-      if (held.link == contact.link) {
-        contact.mode = held.mode;
-      }
-    }
-  }
-  return stretch;
-}
-
 /// The robot stands for a moment before it moves.
-Stretch standing(const SearchResult& found) {
-  const Stretch& first = found.stretches.front();
+Stretch standing(const std::vector<Stretch>& stretches) {
+  const Stretch& first = stretches.front();
   return {"stand", Stretch::Kind::kLoad, {first.path.front()}, first.contacts, first.contacts, {}};
 }
 
 /// Adds the climb's phases and keyframes to the plan. @throws PlanningFailed
-void write_keyframes(PlanWriter& writer, const SearchResult& found) {
-  writer.add(standing(found));
-  for (std::size_t i = 0; i < found.stretches.size(); ++i) {
-    const bool last = i + 1 == found.stretches.size();
-    writer.add(ending_as(found.stretches[i], last ? nullptr : &found.stretches[i + 1]));
+void write_keyframes(PlanWriter& writer, const std::vector<Stretch>& stretches) {
+  writer.add(standing(stretches));
+  for (const Stretch& stretch : joined(stretches)) {
+    writer.add(stretch);
   }
 }
 
@@ -201,12 +185,12 @@ PlanningResult plan_climb(const RobotModel& model, const Scenario& scenario,
 
   PlanningResult result;
   double writing = 0.0, checking = 0.0;  // s
-  const ClimbCheck written = [&](const SearchResult& found) -> std::string {
+  const auto written = [&](const std::vector<Stretch>& stretches) -> std::string {
     const Stopwatch write_time;
     Plan plan = empty;
     PlanWriter writer(model, scenario, clearance, used, plan);
     try {
-      write_keyframes(writer, found);
+      write_keyframes(writer, stretches);
     } catch (const PlanningFailed& error) {
       return error.what();
     }
@@ -219,10 +203,22 @@ PlanningResult plan_climb(const RobotModel& model, const Scenario& scenario,
     }
     return why;
   };
+  const auto go_on = [&](const std::vector<Stretch>& climb) {
+    const Stopwatch goal_time;
+    GoalSearch goal(model, scenario, clearance, used,
+                    [&progress](const std::string& what) { progress(1.0, what); });
+    const std::vector<Stretch> stretches = goal.complete(climb);
+    result.stages.push_back({"after all fours", goal_time.seconds()});
+    const std::string why = written(stretches);
+    if (!why.empty()) {
+      throw PlanningFailed("after all fours: " + why);
+    }
+  };
   const Stopwatch search_time;
   const ClimbSearch search =
       search_climb(model, scenario, clearance, used, start_configuration(model, scenario), moves,
-                   written, [&progress](int move, int of, const std::string& what) {
+                   [&written](const SearchResult& found) { return written(found.stretches); },
+                   [&progress](int move, int of, const std::string& what) {
                      progress(static_cast<double>(move) / std::max(of, 1), what);
                    });
   const double searched = search_time.seconds() - writing - checking;
@@ -238,6 +234,9 @@ PlanningResult plan_climb(const RobotModel& model, const Scenario& scenario,
     throw PlanningFailed("no statically stable, torque-feasible climb of " + scenario.name +
                              " found; the furthest attempt ended with: " + search.best.failure,
                          std::make_shared<const PlanningLog>(result));
+  }
+  if (scenario.goal != Goal::kAllFours) {
+    go_on(search.best.stretches);
   }
   progress(1.0, "done");
   return result;

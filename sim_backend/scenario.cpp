@@ -84,6 +84,15 @@ std::vector<std::string> read_goal_contacts(const YamlNode& list) {
   return contacts;
 }
 
+Goal read_goal(const YamlNode& posture) {
+  for (const Goal goal : {Goal::kAllFours, Goal::kStandOnTop, Goal::kOver, Goal::kBackDown}) {
+    if (posture.text() == to_string(goal)) {
+      return goal;
+    }
+  }
+  posture.fail("unknown goal, expected all_fours, stand_on_top, over or back_down");
+}
+
 Scenario read_scenario(const YamlNode& root) {
   root.allow_only({"name", "friction", "obstacles", "start", "goal"});
   Scenario scenario;
@@ -95,12 +104,13 @@ Scenario read_scenario(const YamlNode& root) {
   scenario.start_position << read_vector<2>(start.at("position")), 0.0;
   scenario.start_yaw = read_yaw(start);
   const YamlNode goal = root.at("goal");
-  goal.allow_only({"posture", "contacts"});
-  scenario.goal = goal.at("posture").text();
-  if (scenario.goal != "all_fours") {
-    goal.at("posture").fail("unknown posture, expected all_fours");
+  if (goal.is_map()) {
+    goal.allow_only({"posture", "contacts"});
+    scenario.goal = read_goal(goal.at("posture"));
+    scenario.goal_contacts = read_goal_contacts(goal.at("contacts"));
+  } else {
+    scenario.goal = read_goal(goal);
   }
-  scenario.goal_contacts = read_goal_contacts(goal.at("contacts"));
   return scenario;
 }
 
@@ -156,6 +166,20 @@ Eigen::Vector3d plane_normal(const std::vector<Eigen::Vector3d>& points) {
 
 }  // namespace
 
+const char* to_string(Goal goal) {
+  switch (goal) {
+    case Goal::kAllFours:
+      return "all_fours";
+    case Goal::kStandOnTop:
+      return "stand_on_top";
+    case Goal::kOver:
+      return "over";
+    case Goal::kBackDown:
+      return "back_down";
+  }
+  return "unknown";
+}
+
 Scenario parse_scenario(const std::string& text, const std::string& file) {
   Scenario scenario = read_scenario(YamlNode::parse(text, file));
   scenario.hash = sha256_hex(text);
@@ -177,6 +201,30 @@ Scenario with_height(Scenario scenario, double height) {
   scenario.name += suffix;
   scenario.hash = sha256_hex(scenario.hash + suffix);
   return scenario;
+}
+
+Scenario with_goal(Scenario scenario, Goal goal) {
+  if (goal == scenario.goal) {
+    return scenario;
+  }
+  scenario.goal = goal;
+  const std::string suffix = std::string("@goal=") + to_string(goal);
+  scenario.name += suffix;
+  scenario.hash = sha256_hex(scenario.hash + suffix);
+  return scenario;
+}
+
+std::vector<std::string> all_fours_contacts(const RobotModel& model, const Scenario& scenario) {
+  if (!scenario.goal_contacts.empty()) {
+    return scenario.goal_contacts;
+  }
+  std::vector<std::string> names;
+  for (const ContactLink& contact : model.contacts) {
+    if (!contact.is_patch) {
+      names.push_back(contact.name);
+    }
+  }
+  return names;
 }
 
 Configuration start_configuration(const RobotModel& model, const Scenario& scenario) {

@@ -1,6 +1,7 @@
 #include "planner_offline/contacts/contact.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 namespace clamber {
 namespace {
@@ -22,6 +23,22 @@ std::vector<Eigen::Vector3d> front_points(const ContactLink& link) {
 
 double surface_height(const Scenario& scenario, int surface) {
   return surface == kFloor ? 0.0 : scenario.obstacles[static_cast<std::size_t>(surface)].top();
+}
+
+Eigen::Vector3d inside_surface(const Scenario& scenario, int surface, const Eigen::Vector3d& p,
+                               double margin) {
+  if (surface == kFloor) {
+    return {p.x(), p.y(), 0.0};
+  }
+  const ObstacleBox& box = scenario.obstacles[static_cast<std::size_t>(surface)];
+  const Eigen::AngleAxisd turn(box.yaw, Eigen::Vector3d::UnitZ());
+  Eigen::Vector3d local = turn.inverse() * (p - box.center);
+  for (int axis = 0; axis < 2; ++axis) {
+    const double most = std::max(0.0, box.half_extents[axis] - margin);
+    local[axis] = std::clamp(local[axis], -most, most);
+  }
+  local.z() = box.half_extents.z();
+  return box.center + turn * local;
 }
 
 Contact make_contact(const RobotModel& model, const Scenario& scenario, const RobotData& data,
@@ -111,6 +128,13 @@ void track_slip(const RobotModel& model, const RobotData& before, const RobotDat
 bool only_patches(const RobotModel& model, const ContactSet& contacts) {
   return std::all_of(contacts.begin(), contacts.end(),
                      [&](const Contact& c) { return link_of(model, c.link).is_patch; });
+}
+
+bool are_a_pair(const RobotModel& model, int a, int b) {
+  const ContactLink& la = link_of(model, a);
+  const ContactLink& lb = link_of(model, b);
+  return la.limb != lb.limb && la.is_patch == lb.is_patch &&
+         std::abs(la.support_length - lb.support_length) < 1e-3;
 }
 
 bool holds_limb(const RobotModel& model, const ContactSet& contacts, int link) {

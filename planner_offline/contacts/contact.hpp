@@ -67,9 +67,16 @@ void track_slip(const RobotModel& model, const RobotData& before, const RobotDat
 void press_outer_contacts(const RobotModel& model, const Scenario& scenario, double depth,
                           ContactSet& contacts);
 
+/// The same part on the other side: equal geometry class, other limb.
+[[nodiscard]] bool are_a_pair(const RobotModel& model, int a, int b);
+
 /// Whether another contact of the same limb is held.
 [[nodiscard]] bool holds_limb(const RobotModel& model, const ContactSet& contacts, int link);
 [[nodiscard]] ContactSet without(const ContactSet& contacts, const std::vector<int>& links);
+
+/// The point of the surface nearest to p that is `margin` (m) inside of its edges.
+[[nodiscard]] Eigen::Vector3d inside_surface(const Scenario& scenario, int surface,
+                                             const Eigen::Vector3d& p, double margin);
 
 /// Surface height: 0 for the floor, the top of the obstacle otherwise.
 [[nodiscard]] double surface_height(const Scenario& scenario, int surface);

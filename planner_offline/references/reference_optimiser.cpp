@@ -45,16 +45,7 @@ ReferenceOptimiser::ReferenceOptimiser(const RobotModel& model, const Scenario& 
       relief_(model, settings.forces) {}
 
 Eigen::Vector3d ReferenceOptimiser::bounded(const Eigen::Vector3d& p, int surface) const {
-  const ObstacleBox& box = scenario_.obstacles[static_cast<std::size_t>(surface)];
-  const Eigen::AngleAxisd turn(box.yaw, Eigen::Vector3d::UnitZ());
-  Eigen::Vector3d local = turn.inverse() * (p - box.center);
-  const double margin = settings_.references.surface_margin;
-  for (int axis = 0; axis < 2; ++axis) {
-    const double most = std::max(0.0, box.half_extents[axis] - margin);
-    local[axis] = std::clamp(local[axis], -most, most);
-  }
-  local.z() = box.half_extents.z();
-  return box.center + turn * local;
+  return inside_surface(scenario_, surface, p, settings_.references.surface_margin);
 }
 
 Eigen::Vector3d ReferenceOptimiser::support_projection(const RobotData& data, int link,

@@ -32,22 +32,7 @@ std::vector<SwingWay> ways_for(const Move& move, const SearchSettings& settings)
   return ways;
 }
 
-/// What a failure that is no distance counts as when attempts are compared.
-constexpr double kNominalShortfall = 0.05;  // m
-
-std::string format(const char* text, const std::string& name, double a, double b) {
-  char line[256];
-  std::snprintf(line, sizeof line, text, name.c_str(), a, b);
-  return line;
-}
-
 }  // namespace
-
-const ContactSet& carrying(const Stretch& stretch) {
-  const bool unloads = stretch.kind == Stretch::Kind::kLoad &&
-                       stretch.next_contacts.size() < stretch.contacts.size();
-  return unloads ? stretch.next_contacts : stretch.contacts;
-}
 
 MotionSearch::MotionSearch(const RobotModel& model, const Scenario& scenario,
                            const Clearance& clearance, const PlannerSettings& settings,
@@ -58,7 +43,7 @@ MotionSearch::MotionSearch(const RobotModel& model, const Scenario& scenario,
       settings_(settings),
       references_(references),
       steering_(model, clearance, settings_),
-      forces_(model, settings.forces) {}
+      check_(model, settings_) {}
 
 SupportRegion MotionSearch::region_of(const Configuration& x, const ContactSet& contacts) {
   RobotData data;
@@ -69,48 +54,6 @@ SupportRegion MotionSearch::region_of(const Configuration& x, const ContactSet& 
 double MotionSearch::margin_for(const ContactSet& contacts) const {
   return only_patches(model_, contacts) ? settings_.search.free_margin
                                         : settings_.search.support_margin;
-}
-
-std::string MotionSearch::name_of(const std::vector<int>& links) const {
-  std::string name;
-  for (const int link : links) {
-    name += (name.empty() ? "" : "+") + model_.contacts[static_cast<std::size_t>(link)].name;
-  }
-  return name;
-}
-
-/// Every third posture of a stretch must stand still within friction cones and torque limits.
-Rejection MotionSearch::check(const std::vector<Stretch>& stretches) {
-  RobotData data;
-  constexpr std::size_t kEvery = 3;
-  for (const Stretch& stretch : stretches) {
-    const std::size_t last = stretch.path.size() - 1;
-    for (std::size_t i = 0; i <= last; i = i == last ? last + 1 : std::min(i + kEvery, last)) {
-      forward_kinematics(model_, stretch.path[i], data);
-      // The inverse kinematics keeps the margin to first order only.
-      const double margin =
-          SupportRegion(contact_points(model_, data, carrying(stretch))).margin(data.com.head<2>());
-      const double least = 0.75 * settings_.search.support_margin;
-      if (margin < least) {
-        return {format((stretch.name + "%s: centre of mass keeps %.1f cm of %.1f cm support margin")
-                           .c_str(),
-                       "", 100.0 * margin, 100.0 * least),
-                least - margin};
-      }
-      const ForceSolution solution = forces_.solve(data, stretch.contacts);
-      if (solution.status == Equilibrium::kBalance) {
-        return {stretch.name + ": no contact forces within the friction cones balance the robot",
-                kNominalShortfall};
-      }
-      if (solution.status == Equilibrium::kTorque) {
-        const Joint& joint = model_.joints[static_cast<std::size_t>(solution.peak_joint)];
-        return {format((stretch.name + ": %s needs %.1f N m of %.1f").c_str(), joint.name,
-                       solution.peak_torque, joint.torque_limit * settings_.forces.torque_share),
-                kNominalShortfall};
-      }
-    }
-  }
-  return {};
 }
 
 /// Brings the centre of mass over the contacts that stay. Contacts that the next state lacks are
@@ -144,13 +87,13 @@ Rejection MotionSearch::shift_weight(const Move& move, double margin, const Touc
     forward_kinematics(model_, moved.path.back(), data);
     const double kept = region_of(moved.path.back(), common).margin(data.com.head<2>());
     if (kept < settings_.search.support_margin) {
-      return {"weight shift before lifting " + name_of(move.lifts) + ": " + moved.reason,
+      return {"weight shift before lifting " + names_of(model_, move.lifts) + ": " + moved.reason,
               settings_.search.support_margin - kept};
     }
   }
   stretches.push_back(
-      {"shift off " + name_of(move.lifts), Stretch::Kind::kMotion, moved.path, relaxed, {}, {}});
-  stretches.push_back({"unload " + name_of(move.lifts),
+      {"shift off " + names_of(model_, move.lifts), Stretch::Kind::kMotion, moved.path, relaxed, {}, {}});
+  stretches.push_back({"unload " + names_of(model_, move.lifts),
                        Stretch::Kind::kLoad,
                        {moved.path.back()},
                        relaxed,
@@ -172,7 +115,7 @@ Rejection MotionSearch::swing(const Move& move, const SwingWay& way, const Touch
   for (const int link : move.lands) {
     const Eigen::Vector3d from = touch_point(model_, data, link);
     const Eigen::Vector3d to = keyframe.positions.at(link);
-    Swing path{link, {}, true};
+    Swing path{link, {}, true, {}};
     if (!move.lifts.empty()) {
       // Up beside the obstacle's face first, then over its edge.
       const double side = from.y() >= data.X_WB[0].p.y() ? way.outward : -way.outward;
@@ -184,7 +127,7 @@ Rejection MotionSearch::swing(const Move& move, const SwingWay& way, const Touch
     goal.swings.push_back(path);
   }
   const MotionResult moved = steering_.move(node.x, goal);
-  const std::string name = (move.lifts.empty() ? "reach " : "swing ") + name_of(move.lands);
+  const std::string name = (move.lifts.empty() ? "reach " : "swing ") + names_of(model_, move.lands);
   if (!moved.reached) {
     return {name + ": " + moved.reason, moved.shortfall};
   }
@@ -199,7 +142,7 @@ Rejection MotionSearch::swing(const Move& move, const SwingWay& way, const Touch
   }
   press_outer_contacts(model_, scenario_, settings_.references.press, with);
   stretches.push_back(
-      {"load " + name_of(move.lands), Stretch::Kind::kLoad, {node.x}, node.contacts, with, {}});
+      {"load " + names_of(model_, move.lands), Stretch::Kind::kLoad, {node.x}, node.contacts, with, {}});
   node.contacts = with;
   return {};
 }
@@ -245,7 +188,7 @@ bool MotionSearch::try_keyframe(std::size_t index, const TouchKeyframe& keyframe
       ++result_.candidates_tried;
       Rejection rejection = shift_weight(move, margin, keyframe, shifted, shift);
       if (rejection.why.empty()) {
-        rejection = check(shift);
+        rejection = check_.check(shift);
       }
       if (!rejection.why.empty()) {
         reject(index, rejection);
@@ -261,7 +204,7 @@ bool MotionSearch::try_keyframe(std::size_t index, const TouchKeyframe& keyframe
       Node to = shifted;
       Rejection rejection = swing(move, way, keyframe, to, stretches);
       if (rejection.why.empty()) {
-        rejection = check(stretches);
+        rejection = check_.check(stretches);
       }
       if (!rejection.why.empty()) {
         reject(index, rejection);
@@ -305,7 +248,7 @@ void MotionSearch::settle(const Node& node) {
   // How far it gets is how far it goes: there is nothing to reach, only something to gain.
   MotionResult moved = steering_.move(node.x, goal);
   Stretch stretch{"settle", Stretch::Kind::kMotion, std::move(moved.path), node.contacts, {}, {}};
-  if (check({stretch}).why.empty()) {
+  if (check_.check({stretch}).why.empty()) {
     result_.stretches.push_back(std::move(stretch));
   }
 }
@@ -316,7 +259,7 @@ bool MotionSearch::used_up(std::size_t index) {
   }
   if (result_.failure.empty()) {
     result_.failure =
-        name_of((*moves_)[index].lands) + ": all candidates used up (search.most_candidates)";
+        names_of(model_, (*moves_)[index].lands) + ": all candidates used up (search.most_candidates)";
     result_.shortfall = kNominalShortfall;
   }
   return true;
@@ -340,7 +283,7 @@ bool MotionSearch::descend(std::size_t index, const Node& node) {
     if (placement.inward != 0.0 && move.lands.size() != 1) {
       continue;  // a pair keeps its width: it is what the support region lives on
     }
-    progress_(static_cast<int>(index), static_cast<int>(moves_->size()), name_of(move.lands));
+    progress_(static_cast<int>(index), static_cast<int>(moves_->size()), names_of(model_, move.lands));
     std::map<int, Eigen::Vector3d> wanted = move.references;
     for (auto& [link, reference] : wanted) {
       reference.x() += placement.forward;
@@ -352,7 +295,7 @@ bool MotionSearch::descend(std::size_t index, const Node& node) {
     const TouchKeyframe keyframe = references_.optimise(
         move.state, node.x, supports, wanted, move.completes_limb, move.surface, move.hint);
     if (!keyframe.problem.empty()) {
-      reject(index, {name_of(move.lands) + ": " + keyframe.problem, keyframe.shortfall});
+      reject(index, {names_of(model_, move.lands) + ": " + keyframe.problem, keyframe.shortfall});
     } else if (try_keyframe(index, keyframe, node)) {
       return true;
     }

@@ -9,25 +9,9 @@
 #include "planner_offline/references/reference_optimiser.hpp"
 #include "planner_offline/search/move.hpp"
 #include "planner_offline/search/steering.hpp"
+#include "planner_offline/search/stretch_check.hpp"
 
 namespace clamber {
-
-/// A stretch of the climb during which nothing lands or lifts.
-struct Stretch {
-  enum class Kind {
-    kMotion,  ///< the posture moves, `contacts` carry
-    kLoad,    ///< the posture rests, weight goes over from `contacts` to `next_contacts`
-  };
-  std::string name;
-  Kind kind = Kind::kMotion;
-  std::vector<Configuration> path;
-  ContactSet contacts;
-  ContactSet next_contacts;  ///< kLoad only
-  std::vector<int> landing;  ///< kMotion: links on their way to a surface, or just off one
-};
-
-/// The contacts that have to hold all through a stretch: while weight goes over, the smaller set.
-[[nodiscard]] const ContactSet& carrying(const Stretch& stretch);
 
 struct SearchResult {
   bool success = false;
@@ -48,12 +32,6 @@ struct SwingWay {
   double back = 0.0;     ///< m the limb is lifted behind the straight way, off the obstacle
 };
 
-/// Why a candidate does not do, and by how far (m; a nominal length where it is not a distance).
-struct Rejection {
-  std::string why;  ///< empty: it does
-  double shortfall = 0.0;
-};
-
 class MotionSearch {
  public:
   using Progress = std::function<void(int move, int of, const std::string& what)>;
@@ -67,10 +45,6 @@ class MotionSearch {
                                  const Progress& progress);
 
  private:
-  struct Node {
-    Configuration x;
-    ContactSet contacts;
-  };
   [[nodiscard]] bool descend(std::size_t index, const Node& node);
   [[nodiscard]] bool try_keyframe(std::size_t index, const TouchKeyframe& keyframe,
                                   const Node& node);
@@ -85,11 +59,9 @@ class MotionSearch {
   [[nodiscard]] Rejection swing(const Move& move, const SwingWay& way,
                                 const TouchKeyframe& keyframe, Node& node,
                                 std::vector<Stretch>& stretches);
-  [[nodiscard]] Rejection check(const std::vector<Stretch>& stretches);
   [[nodiscard]] SupportRegion region_of(const Configuration& x, const ContactSet& contacts);
   void settle(const Node& node);
   [[nodiscard]] double margin_for(const ContactSet& contacts) const;
-  [[nodiscard]] std::string name_of(const std::vector<int>& links) const;
 
   const RobotModel& model_;
   const Scenario& scenario_;
@@ -97,7 +69,7 @@ class MotionSearch {
   PlannerSettings settings_;
   ReferenceOptimiser& references_;
   Steering steering_;
-  ContactForces forces_;
+  StretchCheck check_;
   const std::vector<Move>* moves_ = nullptr;
   Progress progress_;
   SearchResult result_;

@@ -47,14 +47,6 @@ JointVector hint_for(const ContactSequence& sequence, const ContactState& state,
   return state.posture.q;
 }
 
-/// The same part on the other side: equal geometry class, other limb.
-bool are_a_pair(const RobotModel& model, int a, int b) {
-  const ContactLink& la = model.contacts[static_cast<std::size_t>(a)];
-  const ContactLink& lb = model.contacts[static_cast<std::size_t>(b)];
-  return la.limb != lb.limb && la.is_patch == lb.is_patch &&
-         std::abs(la.support_length - lb.support_length) < 1e-3;
-}
-
 struct Builder {
   const RobotModel& model;
   const Scenario& scenario;
@@ -143,7 +135,7 @@ void Builder::refuse_unreached_goals() const {
     touching.insert(model.contacts[static_cast<std::size_t>(link)].limb);
     list(made, model.contacts[static_cast<std::size_t>(link)].name);
   }
-  for (const std::string& name : scenario.goal_contacts) {
+  for (const std::string& name : all_fours_contacts(model, scenario)) {
     const auto& limb = model.contacts[static_cast<std::size_t>(link_index(model, name))].limb;
     if (touching.count(limb) == 0) {
       list(missing, name);
@@ -162,7 +154,7 @@ void Builder::refuse_unreached_goals() const {
 /// The scenario's goal may ask for contacts that the demonstration never made. A limb that already
 /// rests on the obstacle gets them right after its first contact: they only add support.
 void Builder::add_missing_goals() {
-  for (const std::string& name : scenario.goal_contacts) {
+  for (const std::string& name : all_fours_contacts(model, scenario)) {
     const int link = link_index(model, name);
     if (resting.count(link) != 0) {
       continue;

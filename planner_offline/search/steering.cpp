@@ -83,10 +83,23 @@ Task Steering::swing_tasks(const MotionGoal& goal, Progress& progress, Task& pla
     } else {
       first = first + whole;
     }
+    double tilt = 0.0;  // rad
+    if (swing.orientation && runner.on_last_leg(swing.path)) {
+      const auto body = static_cast<std::size_t>(link.body);
+      Pose level = data_.X_WB[body];
+      level.R = *swing.orientation;
+      const Task pose = pose_task(model_, data_, link.body, level);
+      tilt = pose.e.tail<3>().norm();
+      first = first + Task{pose.J.bottomRows<3>(),
+                           shortened(pose.e.tail<3>(), settings_.search.posture_step)};
+    }
     const Eigen::Vector3d left = swing.path.back() - touch;
-    constexpr double kLanded = 1e-3, kPlaced = 0.03;
-    const bool there = runner.at_end(swing.path) && std::abs(left.z()) < kLanded &&
-                       left.head<2>().norm() < kPlaced;
+    // All corners of a sole come within the millimetre that counts as touching.
+    constexpr double kLanded = 1e-3, kSoleLanded = 5e-4, kPlaced = 0.03;  // m
+    constexpr double kLevel = 2e-3;                                       // rad
+    const double landed = swing.orientation ? kSoleLanded : kLanded;
+    const bool there = runner.at_end(swing.path) && std::abs(left.z()) < landed &&
+                       left.head<2>().norm() < kPlaced && tilt < kLevel;
     progress.swings_done = progress.swings_done && there;
     progress.swing_error = std::max(progress.swing_error, left.norm());
   }

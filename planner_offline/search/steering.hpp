@@ -16,6 +16,7 @@ struct Swing {
   int link = 0;
   std::vector<Eigen::Vector3d> path;
   bool lands = true;  ///< the last stretch comes down: height first, place second
+  std::optional<Eigen::Matrix3d> orientation;  ///< of the link's body on that stretch: a level sole
 };
 
 /// What a motion keeps and what it wants, in falling priority: contacts, swings, centre of mass,

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "planner_offline/certify/support_region.hpp"
+
 namespace clamber {
 namespace {
 
@@ -112,6 +114,71 @@ double com_acceleration(const RobotModel& model, const std::vector<TimedPosture>
   return largest;
 }
 
+/// Second derivatives at the knots of the cubic splines through the rows, at rest at both ends.
+Eigen::MatrixXd spline_accelerations(const Eigen::MatrixXd& rows, double h) {
+  const Eigen::Index n = rows.rows();
+  Eigen::VectorXd diagonal = Eigen::VectorXd::Constant(n, 4.0);
+  diagonal[0] = diagonal[n - 1] = 2.0;
+  Eigen::MatrixXd a(n, rows.cols());
+  a.row(0) = rows.row(1) - rows.row(0);
+  a.row(n - 1) = rows.row(n - 2) - rows.row(n - 1);
+  for (Eigen::Index i = 1; i + 1 < n; ++i) {
+    a.row(i) = rows.row(i - 1) - 2.0 * rows.row(i) + rows.row(i + 1);
+  }
+  a *= 6.0 / (h * h);
+  for (Eigen::Index i = 1; i < n; ++i) {  // tridiagonal with ones beside the diagonal
+    diagonal[i] -= 1.0 / diagonal[i - 1];
+    a.row(i) -= a.row(i - 1) / diagonal[i - 1];
+  }
+  a.row(n - 1) /= diagonal[n - 1];
+  for (Eigen::Index i = n - 2; i >= 0; --i) {
+    a.row(i) = (a.row(i) - a.row(i + 1)) / diagonal[i];
+  }
+  return a;
+}
+
+/// Whether the zero-moment point of the bodies' masses keeps a share of the support margin that the
+/// centre of mass has: a limb that swings tips a robot on one sole more than its weight says.
+bool tips(const RobotModel& model, const ContactSet& contacts,
+          const std::vector<TimedPosture>& timed) {
+  constexpr double kKept = 0.4;
+  const auto bodies = static_cast<Eigen::Index>(model.bodies.size());
+  Eigen::MatrixXd places(static_cast<Eigen::Index>(timed.size()), 3 * bodies);
+  std::vector<SupportRegion> regions;
+  std::vector<double> ground, margin;
+  RobotData data;
+  for (std::size_t k = 0; k < timed.size(); ++k) {
+    forward_kinematics(model, timed[k].x, data);
+    for (Eigen::Index b = 0; b < bodies; ++b) {
+      const auto body = static_cast<std::size_t>(b);
+      places.block<1, 3>(static_cast<Eigen::Index>(k), 3 * b) =
+          (data.X_WB[body] * model.bodies[body].com).transpose();
+    }
+    const std::vector<Eigen::Vector3d> points = contact_points(model, data, contacts);
+    regions.emplace_back(points);
+    margin.push_back(regions.back().margin(data.com.head<2>()));
+    ground.push_back(std::min_element(points.begin(), points.end(), [](const auto& a, const auto& b) {
+                       return a.z() < b.z();
+                     })->z());
+  }
+  const Eigen::MatrixXd a = spline_accelerations(places, timed[1].time - timed[0].time);
+  for (std::size_t k = 0; k < timed.size(); ++k) {
+    const auto row = static_cast<Eigen::Index>(k);
+    Eigen::Vector2d moment = Eigen::Vector2d::Zero();
+    double weight = 0.0;
+    for (Eigen::Index b = 0; b < bodies; ++b) {
+      const Eigen::Vector3d p = places.block<1, 3>(row, 3 * b), acc = a.block<1, 3>(row, 3 * b);
+      const double mass = model.bodies[static_cast<std::size_t>(b)].mass;
+      moment += mass * ((kGravity + acc.z()) * p.head<2>() - (p.z() - ground[k]) * acc.head<2>());
+      weight += mass * (kGravity + acc.z());
+    }
+    if (regions[k].margin(moment / weight) < kKept * margin[k]) {
+      return true;
+    }
+  }
+  return false;
+}
+
 }  // namespace
 
 std::vector<TimedPosture> time_stretch(const RobotModel& model, const Stretch& stretch,
@@ -130,14 +197,21 @@ std::vector<TimedPosture> time_stretch(const RobotModel& model, const Stretch& s
   std::vector<TimedPosture> timed =
       sampled(model, stretch.contacts, path, along, duration, knots_for(duration));
   // Corners of the path are what accelerates; slower, the same corners accelerate less.
+  const auto slow_down = [&](double by) {
+    duration *= by;
+    timed = sampled(model, stretch.contacts, path, along, duration, knots_for(duration));
+  };
   constexpr int kTries = 3;
   for (int i = 0; i < kTries; ++i) {
     const double excess = com_acceleration(model, timed) / settings.com_acceleration;
     if (excess <= 1.0) {
       break;
     }
-    duration *= std::min(1.5, std::sqrt(excess) + 0.02);
-    timed = sampled(model, stretch.contacts, path, along, duration, knots_for(duration));
+    slow_down(std::min(1.5, std::sqrt(excess) + 0.02));
+  }
+  constexpr int kSlower = 6;
+  for (int i = 0; i < kSlower && tips(model, stretch.contacts, timed); ++i) {
+    slow_down(1.2);
   }
   return timed;
 }

@@ -4,7 +4,8 @@
 
 #include <vector>
 
-#include "planner_offline/search/motion_search.hpp"
+#include "planner_offline/search/stretch.hpp"
+#include "planner_offline/settings.hpp"
 
 namespace clamber {
 
