@@ -41,7 +41,7 @@ struct SimulatedRun {
   [[nodiscard]] std::string failure(const RobotModel& model) const;
 };
 
-/// An interrupt (SIGINT) ends the run after the current tick.
+/// SIGINT and SIGTERM end the run after the current tick.
 /// @throws InputError when the controller refuses the image or the log cannot be written
 [[nodiscard]] SimulatedRun run_in_simulation(const RobotModel& model, const Scenario& scenario,
                                              const std::vector<std::byte>& image,
