@@ -18,5 +18,6 @@ void add_run_command(CLI::App& app);
 void add_monitor_command(CLI::App& app);
 void add_report_command(CLI::App& app);
 void add_bus_command(CLI::App& app);
+void add_drives_command(CLI::App& app);
 
 }  // namespace clamber

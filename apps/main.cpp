@@ -62,6 +62,7 @@ int run(int argc, char** argv) {
   clamber::add_scale_robot_command(app);
   clamber::add_report_command(app);
   clamber::add_bus_command(app);
+  clamber::add_drives_command(app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& help) {
