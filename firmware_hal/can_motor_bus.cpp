@@ -11,6 +11,10 @@ namespace {
 constexpr std::int64_t kOfferAgain = 100'000;           // ns, where an interface had no room
 constexpr std::int64_t kGreetingInterval = 50'000'000;  // ns
 
+// Ticks in a row in which all joints must be read before they are switched on: a lucky one is not
+// enough, and drives with an old error have time to be told to forget it.
+constexpr int kReadTicks = 5;
+
 constexpr std::int64_t nanoseconds(double seconds) noexcept {
   return static_cast<std::int64_t>(seconds * 1e9);
 }
@@ -85,13 +89,14 @@ bool CanMotorBus::may_send(Segment& segment) noexcept {
   const PortState state = segment.port->state();
   if (state == PortState::kDown || state == PortState::kBusOff) return false;
   // All replies of the last tick came: all its frames were sent. That spares the question.
-  if (!segment.missed || !segment.port->has_unsent()) return true;
-  if (goal_ != HostGoal::kOn && !segment.forced) {
-    segment.forced = true;
-    return true;
+  const bool behind = segment.missed && segment.port->has_unsent();
+  const bool stopping = goal_ != HostGoal::kOn;
+  if (behind && !(stopping && !segment.forced)) {
+    ++segment.counters.held_ticks;
+    return false;
   }
-  ++segment.counters.held_ticks;
-  return false;
+  segment.forced = stopping;
+  return true;
 }
 
 /// Hands over what the interface takes of the tick's frames, and behind all of them the mark.
@@ -239,6 +244,7 @@ bool CanMotorBus::greet_partner() noexcept {
 }
 
 bool CanMotorBus::read_all_joints() noexcept {
+  int read_ticks = 0;
   for (std::uint64_t i = ticks(settings_.start_patience); i > 0; --i) {
     if (own_tick() == BusStatus::kDown) return false;
     if (find_fault()) return false;
@@ -252,7 +258,8 @@ bool CanMotorBus::read_all_joints() noexcept {
           trouble_ = {BusTrouble::kJointSilent, index_of(segment), joint, segment.host->status(d)};
         all = all && read;
       }
-    if (!all) continue;
+    read_ticks = all ? read_ticks + 1 : 0;
+    if (read_ticks < kReadTicks) continue;
     trouble_ = {};
     return true;
   }
