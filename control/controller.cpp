@@ -19,7 +19,7 @@ bool acceptable(const ControllerConfig& c) noexcept {
   return std::all_of(c.joints.begin(), c.joints.begin() + c.joint_count, [](const auto& j) {
     return positive(j.torque_limit) && positive(j.velocity_limit) && j.lower <= j.upper &&
            j.gains.kp >= 0.0 && j.gains.ki >= 0.0 && j.gains.kd >= 0.0 &&
-           std::isfinite(j.gains.kp + j.gains.ki + j.gains.kd);
+           std::isfinite(j.gains.kp + j.gains.ki + j.gains.kd) && j.spring_stiffness >= 0.0;
   });
 }
 
@@ -127,7 +127,7 @@ bool Controller::begin(std::span<const JointState> states) noexcept {
   for (std::uint32_t j = 0; j < states.size(); ++j) {
     start_q_[j] = states[j].q;
     reference_[j] = {.q = states[j].q, .dq = 0.0, .tau = 0.0};
-    const double distance = std::abs(plan_.value(0, j) - states[j].q);
+    const double distance = std::abs(first_reference(j) - states[j].q);
     if (distance > config_.start_distance_limit) raise(FaultCode::kStartDistance, j);
     farthest = std::max(farthest, distance);
     pid_[j].activate(states[j].dq, std::isfinite(states[j].tau) ? states[j].tau : 0.0);
@@ -163,7 +163,7 @@ void Controller::reference_to_start() noexcept {
   const double blend = s * s * s * (10.0 + s * (-15.0 + 6.0 * s));
   const double rate = 30.0 * s * s * (1.0 - s) * (1.0 - s) / start_duration_;
   for (std::size_t j = 0; j < config_.joint_count; ++j) {
-    const double distance = plan_.value(0, j) - start_q_[j];
+    const double distance = first_reference(j) - start_q_[j];
     reference_[j] = {.q = start_q_[j] + blend * distance,
                      .dq = rate * distance,
                      .tau = blend * plan_.keyframes()[0].tau[j]};
@@ -177,10 +177,22 @@ void Controller::reference_on_plan() noexcept {
   for (std::size_t j = 0; j < config_.joint_count; ++j) {
     const JointControl& joint = config_.joints[j];
     const Spline::Sample x = spline_.evaluate(plan_time_, segment_, j);
-    reference_[j] = {.q = std::clamp(x.value, joint.lower, joint.upper),
+    const double tau = interpolate_linear(plan_time_, a.time, a.tau[j], b.time, b.tau[j]);
+    reference_[j] = {.q = std::clamp(x.value, joint.lower, joint.upper) + stretch(j, tau),
                      .dq = x.rate * config_.time_scale,
-                     .tau = interpolate_linear(plan_time_, a.time, a.tau[j], b.time, b.tau[j])};
+                     .tau = tau};
   }
+}
+
+/// rad by which the motor has to lead the link that its spring may carry this torque.
+double Controller::stretch(std::size_t joint, double tau) const noexcept {
+  const double stiffness = config_.joints[joint].spring_stiffness;
+  return stiffness > 0.0 ? tau / stiffness : 0.0;
+}
+
+/// Of the plan's first keyframe, on the encoder's side of the spring, rad.
+double Controller::first_reference(std::size_t joint) const noexcept {
+  return plan_.value(0, joint) + stretch(joint, plan_.keyframes()[0].tau[joint]);
 }
 
 void Controller::check_tracking(std::span<const JointState> states) noexcept {

@@ -22,6 +22,9 @@ struct JointControl {
   double lower = 0.0;           ///< rad
   double upper = 0.0;           ///< rad
   double velocity_limit = 0.0;  ///< rad/s
+  /// N m/rad of a spring between the encoder and the link; the plan's torque is expected to stretch
+  /// it, and the reference leads by as much. 0: rigid, or not made up for.
+  double spring_stiffness = 0.0;
 };
 
 struct ControllerConfig {
@@ -129,6 +132,8 @@ class Controller {
   void update_reference() noexcept;
   void reference_to_start() noexcept;
   void reference_on_plan() noexcept;
+  [[nodiscard]] double stretch(std::size_t joint, double tau) const noexcept;
+  [[nodiscard]] double first_reference(std::size_t joint) const noexcept;
   void check_tracking(std::span<const JointState> states) noexcept;
   void hold_here(std::span<const JointState> states) noexcept;
   void raise(FaultCode fault, std::uint32_t joint) noexcept;

@@ -75,6 +75,22 @@ TEST(Controller, ReferencePassesThroughEveryKeyframe) {
   }
 }
 
+TEST(Controller, ReferenceLeadsByTheStretchOfSprings) {
+  Rig rigid, elastic;
+  elastic.config.joints[1].spring_stiffness = 200.0;
+  ASSERT_EQ(rigid.load().status, LoadStatus::kOk);
+  ASSERT_EQ(elastic.load().status, LoadStatus::kOk);
+  for (int i = 0; i < 2500; ++i) {
+    rigid.tick();
+    elastic.tick();
+    EXPECT_EQ(elastic.frame.q_ref[0], rigid.frame.q_ref[0]);
+    if (rigid.status == TickStatus::kTracking) {
+      EXPECT_NEAR(elastic.frame.q_ref[1], rigid.frame.q_ref[1] + rigid.frame.tau_ff[1] / 200.0,
+                  1e-12);
+    }
+  }
+}
+
 TEST(Controller, ReferenceIsSmoothFromTheMeasuredPostureOn) {
   Rig rig;
   rig.place(0.2);
