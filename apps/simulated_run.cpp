@@ -72,19 +72,23 @@ std::string SimulatedRun::failure(const RobotModel& model) const {
 SimulatedRun run_in_simulation(const RobotModel& model, const Scenario& scenario,
                                const std::vector<std::byte>& image,
                                const SimulatedRunOptions& options) {
+  ControllerConfig control = options.control;
+  Perturbation perturbation = options.perturbation.value_or(Perturbation{});
+  perturbation.springs |= options.springs;
+  if (!options.perturbation) perturbation.step = control.dt;
+  if (perturbation.springs) expect_springs(model, control);
   Controller controller;
   const std::size_t keyframes = image.size() / sizeof(ImageKeyframe);
   std::vector<double> workspace(Controller::workspace_size(keyframes));
-  const LoadReport loaded = controller.load(options.control, model.hash, image, workspace);
+  const LoadReport loaded = controller.load(control, model.hash, image, workspace);
   if (loaded.status != LoadStatus::kOk)
     throw InputError("the controller refuses the plan: " + describe(loaded, model));
 
-  OdeOptions ode;
-  ode.step = options.control.dt;
-  OdeWorld world(model, scenario, options.start.value_or(start_configuration(model, scenario)),
-                 ode);
-  OdeBus bus(world);
-  ClimbJudge judge(model, scenario);
+  const Configuration start = options.start.value_or(start_configuration(model, scenario));
+  OdeWorld world(perturbed(model, perturbation), perturbed(scenario, perturbation),
+                 perturbed(start, scenario, perturbation), perturbed(OdeOptions{}, perturbation));
+  OdeBus bus(world, perturbation.drives, control.dt);
+  ClimbJudge judge(world.model(), world.scenario());
   std::optional<RunLogWriter> log;
   if (!options.log.empty())
     log.emplace(options.log, make_run_log_header(model, options.plan_sha256, options.control.dt),
@@ -101,6 +105,7 @@ SimulatedRun run_in_simulation(const RobotModel& model, const Scenario& scenario
   execution.observe = [&](TelemetryFrame& frame) {
     read_truth(world, frame);
     note_peak(model, frame, run);
+    if (options.observe) options.observe(world, frame);
     if (frame.sequence % kJudgePeriod == 0)
       judge.push(world.time(), world.contacts(), world.velocity());
     if (telemetry && !options.realtime) telemetry->wait_for_room();

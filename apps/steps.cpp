@@ -242,6 +242,11 @@ void add_execution_options(CLI::App& command, ExecutionOptions& options) {
                   "plan: the plan's torques are added to the PID; none: PID alone")
       ->check(CLI::IsMember({"plan", "none"}));
   command.add_flag("--realtime", options.realtime, "paced by the clock, not as fast as possible");
+  command.add_flag("--springs", options.springs,
+                   "series springs of the robot file, and references that make up for them");
+  command.add_option("--perturbed", options.perturbed,
+                     "seed: masses, friction, obstacle, start, drives and simulator differ from "
+                     "the model (docs/results/robustness.md)");
   command.add_flag("--dds,!--no-dds", options.dds, "telemetry over DDS (on)");
 }
 
@@ -258,6 +263,8 @@ SimulatedRun run_plan(const RobotOptions& robot, const RobotModel& model, const 
   run.plan_sha256 = prepared.plan_sha256;
   run.realtime = options.realtime;
   run.dds = options.dds;
+  run.springs = options.springs;
+  if (options.perturbed) run.perturbation = draw_perturbation({}, model, *options.perturbed);
   if (!log.empty()) make_folder_of(log);
   return run_in_simulation(model, scenario, prepared.image, run);
 }

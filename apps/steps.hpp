@@ -58,6 +58,8 @@ struct ExecutionOptions {
   std::optional<std::string> feed_forward;  ///< plan or none; nothing: as in `control`
   bool realtime = false;
   bool dds = true;
+  bool springs = false;
+  std::optional<std::uint64_t> perturbed;  ///< seed of what the world differs by
   std::string certificate;   ///< empty: beside the plan
   bool uncertified = false;  ///< runs a plan without one: to look at it in the simulation
   bool lock_step = false;    ///< motor buses: see lock_step.hpp
