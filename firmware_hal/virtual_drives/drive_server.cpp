@@ -31,15 +31,15 @@ void DriveServer::boot() {
 
 bool DriveServer::serve(std::int64_t until_ns) {
   for (;;) {
+    const std::int64_t now = clock_.now_ns();
     for (std::size_t i = 0; i < lines_.size(); ++i) {
-      take_frames(i);
+      take_frames(i, now);
       flush(i);
     }
     if (settings_.lock_step && tick_is_in()) {
       pass_lock_step();
       return true;
     }
-    const std::int64_t now = clock_.now_ns();
     host_silent_ = now - last_heard_ >= settings_.host_patience;
     const bool by_clock = !settings_.lock_step || host_silent_;
     if (by_clock && pass_by_clock(now)) return true;
@@ -49,13 +49,17 @@ bool DriveServer::serve(std::int64_t until_ns) {
     std::int64_t wake =
         std::min(until_ns, by_clock ? next_ : last_heard_ + settings_.host_patience);
     if (unsent) wake = std::min(wake, now + kOfferAgain);
-    clock_.wait(wake);
+    // The host sends bus by bus: who waits for the last one is woken once a tick.
+    if (settings_.lock_step && !by_clock && !unsent)
+      clock_.wait_for(*last_open_line().port, wake);
+    else
+      clock_.wait(wake);
   }
 }
 
-void DriveServer::take_frames(std::size_t bus) {
+void DriveServer::take_frames(std::size_t bus, std::int64_t now) {
   Line& line = lines_[bus];
-  line.port->maintain(clock_.now_ns());
+  line.port->maintain(now);
   std::size_t count = inbox_.size();
   while (count == inbox_.size()) {
     count = line.port->receive(inbox_);
@@ -72,7 +76,7 @@ void DriveServer::take_frames(std::size_t bus) {
           ++line.counters.received;
       }
     }
-    if (count > 0) last_heard_ = clock_.now_ns();
+    if (count > 0) last_heard_ = now;
   }
 }
 
@@ -88,6 +92,12 @@ bool DriveServer::tick_is_in() const {
   return std::all_of(lines_.begin(), lines_.end(), [this](const Line& line) {
     return line.marked > 0 && line.marked != tick_ && line.marked == lines_.front().marked;
   });
+}
+
+DriveServer::Line& DriveServer::last_open_line() {
+  for (std::size_t i = lines_.size(); i-- > 1;)
+    if (lines_[i].marked <= 0 || lines_[i].marked == tick_) return lines_[i];
+  return lines_.front();
 }
 
 void DriveServer::pass_lock_step() {

@@ -54,10 +54,12 @@ class DriveServer {
     ServedBus counters;
   };
 
-  void take_frames(std::size_t bus);
+  void take_frames(std::size_t bus, std::int64_t now);
   void take_mark(Line& line, std::uint32_t tick);
   void flush(std::size_t bus);
   [[nodiscard]] bool tick_is_in() const;
+  /// Lock step: the last bus whose frames of this tick are not all here.
+  [[nodiscard]] Line& last_open_line();
   void pass_lock_step();
   bool pass_by_clock(std::int64_t now);
 
