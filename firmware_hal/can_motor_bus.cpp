@@ -46,7 +46,8 @@ void CanMotorBus::set_goal(HostGoal goal) noexcept {
 
 BusStatus CanMotorBus::tick(std::span<const JointCommand> commands, std::span<JointState> states,
                             std::int64_t deadline_ns) noexcept {
-  for (Segment& segment : segments()) receive(segment, true);
+  if (!settings_.lock_step)  // where nothing is late
+    for (Segment& segment : segments()) receive(segment, true);
   tick_start_ = clock_.now_ns();
   ++tick_;
   for (Segment& segment : segments()) begin(segment, commands);
@@ -78,8 +79,8 @@ BusStatus CanMotorBus::tick(std::span<const JointCommand> commands, std::span<Jo
 void CanMotorBus::begin(Segment& segment, std::span<const JointCommand> commands) noexcept {
   segment.port->maintain(tick_start_);
   segment.host->begin_tick(commands, segment.frames);
+  if (settings_.lock_step) segment.frames.push(encode_lock_step(LockStepMark::kSent, tick_));
   segment.next = 0;
-  segment.marked = false;
   segment.sending = may_send(segment);
   offer(segment);
 }
@@ -99,19 +100,20 @@ bool CanMotorBus::may_send(Segment& segment) noexcept {
   return true;
 }
 
-/// Hands over what the interface takes of the tick's frames, and behind all of them the mark.
+/// Hands over what the interface takes of the tick's frames, in lock step with the mark behind
+/// them.
 void CanMotorBus::offer(Segment& segment) noexcept {
-  const std::span<const CanFrame> rest = segment.frames.frames().subspan(segment.next);
-  if (segment.sending && !rest.empty()) {
-    const SendResult result = segment.port->send(rest);
-    if (settings_.observer != nullptr)
-      for (const CanFrame& frame : rest.first(result.sent))
-        settings_.observer->sent(index_of(segment), frame);
-    segment.next += result.sent;
-  }
-  if (!settings_.lock_step || segment.marked || unsent(segment)) return;
-  const CanFrame mark = encode_lock_step(LockStepMark::kSent, tick_);
-  segment.marked = segment.port->send({&mark, 1}).sent == 1;
+  const std::span<const CanFrame> all = segment.frames.frames();
+  // Frames that must not go out are passed over; the mark goes out in any case.
+  const std::size_t own = all.size() - (settings_.lock_step ? 1 : 0);
+  if (!segment.sending) segment.next = std::max(segment.next, own);
+  const std::span<const CanFrame> rest = all.subspan(segment.next);
+  if (rest.empty()) return;
+  const SendResult result = segment.port->send(rest);
+  if (settings_.observer != nullptr)
+    for (std::size_t i = segment.next; i < std::min(segment.next + result.sent, own); ++i)
+      settings_.observer->sent(index_of(segment), all[i]);
+  segment.next += result.sent;
 }
 
 bool CanMotorBus::unsent(const Segment& segment) noexcept {
@@ -173,23 +175,25 @@ void CanMotorBus::wait_for_replies(std::int64_t deadline_ns) noexcept {
 
 bool CanMotorBus::wait_for_partner() noexcept {
   const std::int64_t until = tick_start_ + nanoseconds(settings_.partner_patience);
-  for (;;) {
-    bool all = true;
-    bool refused = false;
-    for (const Segment& segment : segments()) {
-      if (all && segment.done != tick_) trouble_.bus = index_of(segment);
-      all = all && segment.done == tick_;
-      refused = refused || !segment.marked;
-    }
-    if (all) return true;
-    const std::int64_t now = clock_.now_ns();
-    if (now >= until) return false;
-    clock_.wait(refused ? std::min(until, now + kOfferAgain) : until);
-    for (Segment& segment : segments()) {
+  // The drives answer bus by bus: who waits for the last one is woken once.
+  for (std::size_t i = count_; i-- > 0;) {
+    Segment& segment = segments_[i];
+    while (segment.done != tick_) {
+      trouble_.bus = i;
+      if (segment.next < segment.frames.frames().size()) {
+        offer(segment);
+        clock_.wait(clock_.now_ns() + kOfferAgain);
+      } else {
+        clock_.wait_for(*segment.port, until);
+      }
       receive(segment, false);
-      if (!segment.marked && segment.port->state() != PortState::kDown) offer(segment);
+      if (segment.done == tick_) break;
+      if (clock_.now_ns() >= until) return false;
+      // A clock that cannot wait for one port goes on only when the others are empty, too.
+      for (Segment& other : segments()) receive(other, false);
     }
   }
+  return true;
 }
 
 // ---- start

@@ -109,7 +109,6 @@ class CanMotorBus final : public MotorBus {
     bool sending = false;    ///< this tick's frames go out
     bool missed = false;     ///< last tick ended without all replies
     bool forced = false;     ///< the frames that stop the drives were queued behind unsent ones
-    bool marked = false;     ///< lock step: "sent" has gone out
     std::uint32_t done = 0;  ///< lock step: last "done"
     SegmentCounters counters;
   };

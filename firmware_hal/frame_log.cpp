@@ -6,9 +6,16 @@
 #include "robot_model/loader.hpp"
 
 namespace clamber {
+namespace {
+
+constexpr std::size_t kBuffer = 1 << 20;  // bytes: few system calls
+
+}  // namespace
 
 FrameLog::FrameLog(const std::filesystem::path& file, const BusMap& map)
-    : file_(file), out_(file, std::ios::binary), tick_us_(1e6 / map.rate) {
+    : file_(file), buffer_(kBuffer), tick_us_(1e6 / map.rate) {
+  out_.rdbuf()->pubsetbuf(buffer_.data(), static_cast<std::streamsize>(buffer_.size()));
+  out_.open(file, std::ios::binary);
   if (!out_) throw InputError(file_.string() + ": cannot write the frame log");
   for (const Bus& bus : map.buses) {
     buses_.push_back({bus.interface, {}, {}});

@@ -33,6 +33,7 @@ class FrameLog final : public FrameObserver {
   };
 
   std::filesystem::path file_;
+  std::vector<char> buffer_;  ///< the stream's, so before it
   std::ofstream out_;
   double tick_us_;
   std::vector<Traffic> buses_;
