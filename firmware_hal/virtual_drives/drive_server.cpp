@@ -53,10 +53,6 @@ bool DriveServer::serve(std::int64_t until_ns) {
     if (settings_.lock_step && !by_clock && !unsent)
       clock_.wait_for(*last_open_line().port, wake);
     else
-      // The host sends bus by bus: who waits for the last one is woken once a tick.
-    if (settings_.lock_step && !by_clock && !unsent)
-      clock_.wait_for(*last_open_line().port, wake);
-    else
       clock_.wait(wake);
   }
 }
@@ -96,12 +92,6 @@ bool DriveServer::tick_is_in() const {
   return std::all_of(lines_.begin(), lines_.end(), [this](const Line& line) {
     return line.marked > 0 && line.marked != tick_ && line.marked == lines_.front().marked;
   });
-}
-
-DriveServer::Line& DriveServer::last_open_line() {
-  for (std::size_t i = lines_.size(); i-- > 1;)
-    if (lines_[i].marked <= 0 || lines_[i].marked == tick_) return lines_[i];
-  return lines_.front();
 }
 
 DriveServer::Line& DriveServer::last_open_line() {

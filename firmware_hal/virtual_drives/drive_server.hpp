@@ -60,8 +60,6 @@ class DriveServer {
   [[nodiscard]] bool tick_is_in() const;
   /// Lock step: the last bus whose frames of this tick are not all here.
   [[nodiscard]] Line& last_open_line();
-  /// Lock step: the last bus whose frames of this tick are not all here.
-  [[nodiscard]] Line& last_open_line();
   void pass_lock_step();
   bool pass_by_clock(std::int64_t now);
 
