@@ -15,7 +15,7 @@ bool acceptable(const ControllerConfig& c) noexcept {
     if (!positive(x)) return false;
   for (const double x : {c.derivative_filter, c.transfer_time, c.hold_time})
     if (!(x >= 0.0 && std::isfinite(x))) return false;
-  if (!(c.tracking_error_limit > 0.0)) return false;
+  if (!(c.tracking_error_limit > 0.0 && c.jump_limit > 0.0 && c.frozen_limit > 0.0)) return false;
   return std::all_of(c.joints.begin(), c.joints.begin() + c.joint_count, [](const auto& j) {
     return positive(j.torque_limit) && positive(j.velocity_limit) && j.lower <= j.upper &&
            j.gains.kp >= 0.0 && j.gains.ki >= 0.0 && j.gains.kd >= 0.0 &&
@@ -57,9 +57,12 @@ LoadReport Controller::load(const ControllerConfig& config, std::string_view rob
     return {.status = LoadStatus::kWorkspaceTooSmall};
   report = check_spline();
   if (report.status != LoadStatus::kOk) return report;
-  for (std::size_t j = 0; j < n; ++j)
+  for (std::size_t j = 0; j < n; ++j) {
+    watch_[j].configure({config.joints[j].velocity_limit, config.jump_limit, config.frozen_limit},
+                        config.dt);
     pid_[j].configure(config.joints[j].gains, {torque[j], config.torque_rate_limit}, config.dt,
                       config.derivative_filter, config.transfer_time);
+  }
   mode_ = status_ = TickStatus::kMovingToStart;
   fault_ = FaultCode::kNone;
   return report;
@@ -111,13 +114,14 @@ bool Controller::inspect(std::span<const JointState> states) noexcept {
   bool all = true;
   for (std::uint32_t j = 0; j < states.size(); ++j) {
     const JointState& s = states[j];
-    usable_[j] = std::isfinite(s.q) && std::isfinite(s.dq) && (s.flags & kJointStale) == 0;
-    if (usable_[j] && (s.flags & kJointFault) != 0) raise(FaultCode::kDriveFault, j);
-    if (usable_[j]) continue;
-    if (all && stale_ticks_ + 1 > config_.stale_ticks_limit) raise(FaultCode::kStaleState, j);
-    all = false;
+    trust_[j] = watch_[j].assess(s, reference_[j].q);
+    if ((s.flags & kJointFault) != 0) raise(FaultCode::kDriveFault, j);
+    lost_ticks_[j] = trust_[j] == JointTrust::kGood ? 0 : lost_ticks_[j] + 1;
+    if (lost_ticks_[j] > config_.stale_ticks_limit)
+      raise(trust_[j] == JointTrust::kMissing ? FaultCode::kStaleState : FaultCode::kUnbelievable,
+            j);
+    all = all && trust_[j] == JointTrust::kGood;
   }
-  stale_ticks_ = all ? 0 : stale_ticks_ + 1;
   return all;
 }
 
@@ -127,6 +131,7 @@ bool Controller::begin(std::span<const JointState> states) noexcept {
   for (std::uint32_t j = 0; j < states.size(); ++j) {
     start_q_[j] = states[j].q;
     reference_[j] = {.q = states[j].q, .dq = 0.0, .tau = 0.0};
+    watch_[j].rebase(states[j].q);
     const double distance = std::abs(first_reference(j) - states[j].q);
     if (distance > config_.start_distance_limit) raise(FaultCode::kStartDistance, j);
     farthest = std::max(farthest, distance);
@@ -210,6 +215,7 @@ void Controller::hold_here(std::span<const JointState> states) noexcept {
     reference_[j].q = states[j].q;
     reference_[j].dq = 0.0;
     pid_[j].rebase();
+    watch_[j].rebase(states[j].q);
   }
 }
 
@@ -225,11 +231,27 @@ void Controller::command(std::span<const JointState> states,
                          std::span<JointCommand> commands) noexcept {
   for (std::size_t j = 0; j < states.size(); ++j) {
     const Reference& r = reference_[j];
+    if (!begun_ || trust_[j] != JointTrust::kGood) {
+      commands[j] = command_blind(j);
+      continue;
+    }
     const double tau_ff = config_.feed_forward == FeedForward::kPlan ? r.tau : 0.0;
-    const double tau = begun_ && usable_[j] ? pid_[j].update(r.q, states[j].q, states[j].dq, tau_ff)
-                                            : pid_[j].output();
+    const double tau = pid_[j].update(r.q, states[j].q, states[j].dq, tau_ff);
     commands[j] = {.q = r.q, .dq = r.dq, .kp = 0.0, .kd = 0.0, .tau = tau};
   }
+}
+
+/// For a joint whose state is missing the drive, which knows it, closes the loop that the host
+/// cannot (drives without gains of their own get the law of the last state, which is the last
+/// torque). Over an encoder that cannot be right nobody closes one: the last steady torque.
+JointCommand Controller::command_blind(std::size_t joint) const noexcept {
+  if (!begun_) return {};
+  JointCommand blind{.q = reference_[joint].q, .tau = pid_[joint].steady()};
+  if (trust_[joint] == JointTrust::kMissing) {
+    blind.kp = config_.joints[joint].gains.kp;
+    blind.kd = config_.joints[joint].gains.kd;
+  }
+  return blind;
 }
 
 void Controller::report(std::span<const JointState> states, std::span<const JointCommand> commands,
@@ -314,6 +336,8 @@ const char* to_string(FaultCode fault) noexcept {
       return "no plan loaded";
     case FaultCode::kStaleState:
       return "no usable joint state";
+    case FaultCode::kUnbelievable:
+      return "joint reading not believable";
     case FaultCode::kDriveFault:
       return "drive fault";
     case FaultCode::kStartDistance:
