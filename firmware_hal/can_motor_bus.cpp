@@ -47,7 +47,7 @@ void CanMotorBus::set_goal(HostGoal goal) noexcept {
 BusStatus CanMotorBus::tick(std::span<const JointCommand> commands, std::span<JointState> states,
                             std::int64_t deadline_ns) noexcept {
   if (!settings_.lock_step)  // where nothing is late
-    for (Segment& segment : segments()) receive(segment, true);
+    for (Segment& segment : segments()) (void)receive(segment, true);
   tick_start_ = clock_.now_ns();
   ++tick_;
   for (Segment& segment : segments()) begin(segment, commands);
@@ -120,11 +120,14 @@ bool CanMotorBus::unsent(const Segment& segment) noexcept {
   return segment.sending && segment.next < segment.frames.frames().size();
 }
 
-void CanMotorBus::receive(Segment& segment, bool late) noexcept {
+/// @return frames received
+std::size_t CanMotorBus::receive(Segment& segment, bool late) noexcept {
   const std::uint64_t replies = segment.host->counters().replies;
+  std::size_t received_frames = 0;
   std::size_t count = inbox_.size();
   while (count == inbox_.size()) {
     count = segment.port->receive(inbox_);
+    received_frames += count;
     for (const ReceivedFrame& received : std::span(inbox_).first(count)) {
       std::uint32_t number = 0;
       if (settings_.lock_step && decode_lock_step(received.frame, number) != LockStepMark::kNone) {
@@ -142,6 +145,7 @@ void CanMotorBus::receive(Segment& segment, bool late) noexcept {
     }
   }
   if (late) segment.counters.late_replies += segment.host->counters().replies - replies;
+  return received_frames;
 }
 
 bool CanMotorBus::finished(const Segment& segment) noexcept {
@@ -167,7 +171,7 @@ void CanMotorBus::wait_for_replies(std::int64_t deadline_ns) noexcept {
     if (all || now >= until) return;
     clock_.wait(refused ? std::min(until, now + kOfferAgain) : until);
     for (Segment& segment : segments()) {
-      receive(segment, false);
+      (void)receive(segment, false);
       if (unsent(segment) && clock_.now_ns() < send_until) offer(segment);
     }
   }
@@ -186,11 +190,10 @@ bool CanMotorBus::wait_for_partner() noexcept {
       } else {
         clock_.wait_for(*segment.port, until);
       }
-      receive(segment, false);
-      if (segment.done == tick_) break;
+      if (receive(segment, false) > 0) continue;
       if (clock_.now_ns() >= until) return false;
       // A clock that cannot wait for one port goes on only when the others are empty, too.
-      for (Segment& other : segments()) receive(other, false);
+      for (Segment& other : segments()) (void)receive(other, false);
     }
   }
   return true;
@@ -202,7 +205,7 @@ BusStatus CanMotorBus::enable() noexcept {
   trouble_ = {};
   active_ = true;
   for (Segment& segment : segments()) {
-    receive(segment, true);  // of before our time
+    (void)receive(segment, true);  // of before our time
     segment.counters = {};
     segment.missed = true;
     segment.forced = false;
@@ -234,7 +237,7 @@ bool CanMotorBus::greet_partner() noexcept {
       bool all = true;
       for (Segment& segment : segments()) {
         greeted_ = false;
-        receive(segment, true);
+        (void)receive(segment, true);
         bool& known = greeted[index_of(segment)];
         known = known || greeted_;
         all = all && known;
@@ -314,7 +317,7 @@ BusStatus CanMotorBus::own_tick() noexcept {
   if (!settings_.lock_step)
     while (clock_.now_ns() < next_own_tick_) {
       clock_.wait(next_own_tick_);
-      for (Segment& segment : segments()) receive(segment, true);
+      for (Segment& segment : segments()) (void)receive(segment, true);
     }
   return status;
 }

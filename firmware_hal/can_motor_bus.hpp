@@ -122,7 +122,7 @@ class CanMotorBus final : public MotorBus {
   void begin(Segment& segment, std::span<const JointCommand> commands) noexcept;
   [[nodiscard]] bool may_send(Segment& segment) noexcept;
   void offer(Segment& segment) noexcept;
-  void receive(Segment& segment, bool late) noexcept;
+  std::size_t receive(Segment& segment, bool late) noexcept;
   [[nodiscard]] static bool unsent(const Segment& segment) noexcept;
   [[nodiscard]] static bool finished(const Segment& segment) noexcept;
   void wait_for_replies(std::int64_t deadline_ns) noexcept;

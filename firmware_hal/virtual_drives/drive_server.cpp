@@ -32,10 +32,12 @@ void DriveServer::boot() {
 bool DriveServer::serve(std::int64_t until_ns) {
   for (;;) {
     const std::int64_t now = clock_.now_ns();
-    for (std::size_t i = 0; i < lines_.size(); ++i) {
+    // Right after a tick the host has not sent anything yet: asking every port would be in vain.
+    for (std::size_t i = 0; !passed_ && i < lines_.size(); ++i) {
       take_frames(i, now);
       flush(i);
     }
+    passed_ = false;
     if (settings_.lock_step && tick_is_in()) {
       pass_lock_step();
       return true;
@@ -109,6 +111,7 @@ void DriveServer::pass_lock_step() {
     flush(i);
   }
   drives_.step();
+  passed_ = true;
 }
 
 bool DriveServer::pass_by_clock(std::int64_t now) {

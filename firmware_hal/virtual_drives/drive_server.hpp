@@ -69,6 +69,7 @@ class DriveServer {
   std::vector<Line> lines_;
   std::vector<ReceivedFrame> inbox_;
   std::int64_t tick_ = 0;  ///< lock step: the last one passed
+  bool passed_ = false;    ///< lock step: just now
   std::int64_t next_;      ///< ns, of the clock's grid
   std::int64_t last_heard_;
   bool host_silent_ = true;
