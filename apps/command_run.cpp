@@ -5,6 +5,7 @@
 #include "apps/commands.hpp"
 #include "apps/job_failed.hpp"
 #include "apps/steps.hpp"
+#include "robot_model/loader.hpp"
 
 namespace clamber {
 namespace {
@@ -17,9 +18,25 @@ struct Options {
   ScenarioOptions scenario;
 };
 
+void run_on_drives(const Options& options, const RobotModel& model, const Scenario& scenario) {
+  if (!options.execution.frame_log.empty() && !options.execution.lock_step)
+    throw InputError(
+        "--frame-log: needs --lock-step: only then frames have an order of their own (in real "
+        "time: candump -l)");
+  const BusRun result = run_plan_on_buses(options.robot, model, scenario, options.plan,
+                                          options.execution, options.out);
+  std::cout << describe(result, model) << "written:     " << options.out << '\n';
+  if (!result.success()) throw JobFailed("the run failed: " + result.failure(model));
+}
+
 void run(const Options& options) {
   const RobotModel model = load_robot(options.robot);
   const Scenario scenario = load_scenario(options.scenario);
+  if (read_backend(options.execution.hal) == Backend::kSocketCan)
+    return run_on_drives(options, model, scenario);
+  if (options.execution.lock_step || !options.execution.frame_log.empty())
+    throw InputError(
+        "--lock-step and --frame-log: only on motor buses (--hal), not with backend ode");
   const SimulatedRun result =
       run_plan(options.robot, model, scenario, options.plan, options.execution, options.out);
   std::cout << describe(result, model) << "written:     " << options.out << '\n';
@@ -38,6 +55,10 @@ void add_run_command(CLI::App& app) {
                       "the plan's certificate (<plan>.cert)");
   command->add_flag("--uncertified", options->execution.uncertified,
                     "run it without a valid certificate, in the simulation");
+  command->add_flag("--lock-step", options->execution.lock_step,
+                    "motor buses: ticks end when the drives of `clamber drives` say so");
+  command->add_option("--frame-log", options->execution.frame_log,
+                      "motor buses in lock step: every frame, in candump's format");
   add_execution_options(*command, options->execution);
   add_robot_options(*command, options->robot);
   add_scenario_options(*command, options->scenario);
@@ -47,8 +68,11 @@ void add_run_command(CLI::App& app) {
       "to DDS (`clamber monitor`): with --realtime a frame that finds no room is dropped and\n"
       "counted, without it the loop waits between ticks, so that none is lost.\n"
       "Exit code 1: the judge, who knows nothing of the plan, does not see the robot on top.\n\n"
-      "Example:\n"
-      "  clamber run out/climb/plan.json --realtime --feed-forward none -o pid_only.log");
+      "With a bus map (--hal) the same controller moves drives on CAN buses, by the clock or,\n"
+      "with simulated drives, in lock step. The drives are off when it ends, however it ends.\n\n"
+      "Examples:\n"
+      "  clamber run out/climb/plan.json --realtime --feed-forward none -o pid_only.log\n"
+      "  clamber run out/climb/plan.json --hal configs/hal/coman_mit.yaml --lock-step");
   command->callback([options] { run(*options); });
 }
 

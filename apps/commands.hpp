@@ -12,10 +12,12 @@ void add_playback_command(CLI::App& app);
 void add_contacts_command(CLI::App& app);
 void add_plan_command(CLI::App& app);
 void add_verify_command(CLI::App& app);
+void add_scale_robot_command(CLI::App& app);
 void add_sweep_command(CLI::App& app);
 void add_run_command(CLI::App& app);
 void add_monitor_command(CLI::App& app);
 void add_report_command(CLI::App& app);
 void add_bus_command(CLI::App& app);
+void add_drives_command(CLI::App& app);
 
 }  // namespace clamber

@@ -43,6 +43,8 @@ void read_supervision(const YamlNode& root, ControllerConfig& config) {
     if (ticks != std::floor(ticks) || ticks > 1e6) limit->fail("expected a number of ticks");
     config.stale_ticks_limit = static_cast<std::uint32_t>(ticks);
   }
+  read_positive(root, "jump_limit", config.jump_limit);
+  read_positive(root, "frozen_limit", config.frozen_limit);
   read_positive(root, "overshoot_limit", config.overshoot_limit);
   read_positive(root, "velocity_factor", config.velocity_factor);
 }
@@ -91,6 +93,11 @@ void take_from_robot(const RobotModel& robot, TorqueLimit limit, ControllerConfi
 
 }  // namespace
 
+void expect_springs(const RobotModel& robot, ControllerConfig& config) {
+  for (std::size_t j = 0; j < robot.joints.size(); ++j)
+    config.joints[j].spring_stiffness = robot.joints[j].spring_stiffness;
+}
+
 bool matches(std::string_view pattern, std::string_view name) {
   const std::size_t star = pattern.find('*');
   if (star == std::string_view::npos) return pattern == name;
@@ -107,8 +114,8 @@ ControllerConfig load_controller_config(const std::filesystem::path& file, const
   const YamlNode root = YamlNode::load(file);
   root.allow_only({"rate_hz", "feed_forward", "torque_limit", "torque_rate_limit",
                    "derivative_filter", "transfer_time", "time_scale", "start", "hold_time",
-                   "tracking_error_limit", "stale_ticks_limit", "overshoot_limit",
-                   "velocity_factor", "gains", "feed_forward_gains"});
+                   "tracking_error_limit", "stale_ticks_limit", "jump_limit", "frozen_limit",
+                   "overshoot_limit", "velocity_factor", "springs", "gains", "feed_forward_gains"});
   ControllerConfig config;
   TorqueLimit limit = TorqueLimit::kPlan;
   if (const auto node = root.find("torque_limit"))
@@ -126,6 +133,8 @@ ControllerConfig load_controller_config(const std::filesystem::path& file, const
   read_positive(root, "time_scale", config.time_scale);
   if (const auto start = root.find("start")) read_start(*start, config);
   read_non_negative(root, "hold_time", config.hold_time);
+  if (const auto springs = root.find("springs"))
+    if (read_choice(*springs, "stretched", "rigid")) expect_springs(robot, config);
   read_supervision(root, config);
   if (!robot_gains.empty()) {
     const YamlNode own = YamlNode::load(robot_gains);

@@ -23,6 +23,9 @@ namespace clamber {
     const std::filesystem::path& robot_gains = {},
     std::optional<FeedForward> feed_forward = std::nullopt);
 
+/// The robot's joints have the springs that its file names: references lead by their stretch.
+void expect_springs(const RobotModel& robot, ControllerConfig& config);
+
 /// True when `name` matches `pattern`, in which `*` stands for any characters.
 [[nodiscard]] bool matches(std::string_view pattern, std::string_view name);
 

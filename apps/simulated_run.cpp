@@ -1,13 +1,10 @@
 #include "apps/simulated_run.hpp"
 
-#include <atomic>
-#include <chrono>
 #include <cmath>
-#include <csignal>
 #include <sstream>
-#include <thread>
 
 #include "apps/controller_config.hpp"
+#include "apps/run_support.hpp"
 #include "robot_model/loader.hpp"
 #include "sim_backend/ode_bus.hpp"
 
@@ -16,61 +13,6 @@ namespace {
 
 // The judge looks at every so many ticks.
 constexpr std::uint64_t kJudgePeriod = 5;
-
-std::atomic<bool> interrupted{false};
-static_assert(std::atomic<bool>::is_always_lock_free);
-
-/// Turns SIGINT into a request to stop for as long as it lives.
-class InterruptGuard {
- public:
-  InterruptGuard() : before_(std::signal(SIGINT, [](int) { interrupted = true; })) {
-    interrupted = false;
-  }
-  ~InterruptGuard() { std::signal(SIGINT, before_); }
-  InterruptGuard(const InterruptGuard&) = delete;
-  InterruptGuard& operator=(const InterruptGuard&) = delete;
-
- private:
-  void (*before_)(int);
-};
-
-/// Ring and publisher; constructed before the run, stopped after it.
-class Telemetry {
- public:
-  explicit Telemetry(const RobotModel& model)
-      : publisher_(config(model), description(model), ring_) {}
-
-  [[nodiscard]] FrameRing& ring() { return ring_; }
-  /// Outside the tick: waits until the publisher has made room.
-  void wait_for_room() const {
-    while (ring_.size() + 1 >= ring_.capacity())
-      std::this_thread::sleep_for(std::chrono::microseconds(200));
-  }
-  PublisherCounters finish() {
-    publisher_.stop();
-    return publisher_.counters();
-  }
-
- private:
-  static TelemetryConfig config(const RobotModel& model) {
-    TelemetryConfig config;
-    config.robot = model.name;
-    return with_environment(config);
-  }
-  static TelemetryDescription description(const RobotModel& model) {
-    TelemetryDescription description;
-    for (const Joint& joint : model.joints) {
-      description.joint_names.push_back(joint.name);
-      description.torque_limits.push_back(joint.torque_limit);
-    }
-    for (const ContactLink& contact : model.contacts)
-      description.contact_names.push_back(contact.name);
-    return description;
-  }
-
-  FrameRing ring_;
-  Publisher publisher_;
-};
 
 void note_peak(const RobotModel& model, const TelemetryFrame& frame, SimulatedRun& run) {
   for (std::size_t j = 0; j < frame.joint_count; ++j) {
@@ -130,42 +72,45 @@ std::string SimulatedRun::failure(const RobotModel& model) const {
 SimulatedRun run_in_simulation(const RobotModel& model, const Scenario& scenario,
                                const std::vector<std::byte>& image,
                                const SimulatedRunOptions& options) {
+  ControllerConfig control = options.control;
+  Perturbation perturbation = options.perturbation.value_or(Perturbation{});
+  perturbation.springs |= options.springs;
+  if (!options.perturbation) perturbation.step = control.dt;
+  if (perturbation.springs) expect_springs(model, control);
   Controller controller;
   const std::size_t keyframes = image.size() / sizeof(ImageKeyframe);
   std::vector<double> workspace(Controller::workspace_size(keyframes));
-  const LoadReport loaded = controller.load(options.control, model.hash, image, workspace);
+  const LoadReport loaded = controller.load(control, model.hash, image, workspace);
   if (loaded.status != LoadStatus::kOk)
     throw InputError("the controller refuses the plan: " + describe(loaded, model));
 
-  OdeOptions ode;
-  ode.step = options.control.dt;
-  OdeWorld world(model, scenario, options.start.value_or(start_configuration(model, scenario)),
-                 ode);
-  OdeBus bus(world);
-  ClimbJudge judge(model, scenario);
+  const Configuration start = options.start.value_or(start_configuration(model, scenario));
+  OdeWorld world(perturbed(model, perturbation), perturbed(scenario, perturbation),
+                 perturbed(start, scenario, perturbation), perturbed(OdeOptions{}, perturbation));
+  OdeBus bus(world, perturbation.drives, control.dt);
+  ClimbJudge judge(world.model(), world.scenario());
   std::optional<RunLogWriter> log;
   if (!options.log.empty())
     log.emplace(options.log, make_run_log_header(model, options.plan_sha256, options.control.dt),
                 log_capacity(controller, options.realtime));
-  std::optional<Telemetry> telemetry;
+  std::optional<RunTelemetry> telemetry;
   if (options.dds) telemetry.emplace(model);
 
   SimulatedRun run;
   run.feed_forward = options.control.feed_forward == FeedForward::kPlan;
-  ExecutorOptions execution{.realtime = options.realtime, .stop = &interrupted};
+  const StopGuard guard;
+  ExecutorOptions execution{.realtime = options.realtime, .stop = guard.flag()};
   execution.log = log ? &*log : nullptr;
   if (telemetry) execution.sinks.push_back(&telemetry->ring());
   execution.observe = [&](TelemetryFrame& frame) {
     read_truth(world, frame);
     note_peak(model, frame, run);
+    if (options.observe) options.observe(world, frame);
     if (frame.sequence % kJudgePeriod == 0)
       judge.push(world.time(), world.contacts(), world.velocity());
     if (telemetry && !options.realtime) telemetry->wait_for_room();
   };
-  {
-    const InterruptGuard guard;
-    run.execution = execute(controller, bus, execution);
-  }
+  run.execution = execute(controller, bus, execution);
   if (telemetry) run.telemetry = telemetry->finish();
   run.verdict = judge.verdict();
   return run;

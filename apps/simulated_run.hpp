@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -11,6 +12,7 @@
 #include "control/controller.hpp"
 #include "robot_model/model.hpp"
 #include "sim_backend/judge.hpp"
+#include "sim_backend/perturbation.hpp"
 #include "telemetry/publisher.hpp"
 
 namespace clamber {
@@ -21,6 +23,13 @@ struct SimulatedRunOptions {
   std::string log;                     ///< file; empty: no log
   std::string plan_sha256;             ///< of what is executed, for the log
   bool realtime = false;
+  /// Springs of the robot file between motors and links; the controller expects them.
+  bool springs = false;
+  /// The world differs from model and scenario by this; the controller does not know (but of
+  /// springs).
+  std::optional<Perturbation> perturbation;
+  /// Sees the world and every tick's frame, the truth in it.
+  std::function<void(const OdeWorld&, const TelemetryFrame&)> observe;
   /// Telemetry over DDS. Paced by the clock, a frame that finds the ring full is dropped and
   /// counted. As fast as possible, the loop waits between two ticks until the ring has room.
   bool dds = false;
@@ -41,7 +50,7 @@ struct SimulatedRun {
   [[nodiscard]] std::string failure(const RobotModel& model) const;
 };
 
-/// An interrupt (SIGINT) ends the run after the current tick.
+/// SIGINT and SIGTERM end the run after the current tick.
 /// @throws InputError when the controller refuses the image or the log cannot be written
 [[nodiscard]] SimulatedRun run_in_simulation(const RobotModel& model, const Scenario& scenario,
                                              const std::vector<std::byte>& image,

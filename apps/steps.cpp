@@ -54,15 +54,31 @@ std::string verified_certificate(const std::string& plan_file, const ExecutionOp
   return found.sha256;
 }
 
-/// Only the simulation stands behind the bus so far.
-void check_backend(const std::string& hal_file) {
-  const YamlNode root = YamlNode::load(find_file(hal_file));
-  root.allow_only({"hal"});
-  const YamlNode hal = root.at("hal");
-  hal.allow_only({"backend"});
-  const YamlNode backend = hal.at("backend");
-  if (backend.text() == "socketcan") backend.fail("socketcan is not built yet, expected ode");
-  if (backend.text() != "ode") backend.fail("expected ode or socketcan, found " + backend.text());
+/// What is executed and how, once the plan is known to be made for this robot and scenario and its
+/// certificate holds.
+struct PreparedRun {
+  ControllerConfig control;
+  std::vector<std::byte> image;
+  std::string plan_sha256;
+};
+
+PreparedRun prepare_run(const RobotOptions& robot, const RobotModel& model,
+                        const Scenario& scenario, const std::string& plan_file,
+                        const ExecutionOptions& options) {
+  const Plan plan = load_plan(plan_file);
+  check_made_for(plan, plan_file, model, scenario);
+  std::optional<FeedForward> feed_forward;
+  if (options.feed_forward)
+    feed_forward = *options.feed_forward == "plan" ? FeedForward::kPlan : FeedForward::kNone;
+  PreparedRun run;
+  run.control = load_control(options.control, robot, model, feed_forward);
+  run.control.accept_uncertified = options.uncertified;
+  run.plan_sha256 = sha256_file(plan_file);
+  const std::string certificate = options.uncertified
+                                      ? std::string()
+                                      : verified_certificate(plan_file, options, model, scenario);
+  run.image = plan_to_image(plan, certificate);
+  return run;
 }
 
 void save_costs(const std::vector<CostSample>& costs, const std::string& file) {
@@ -205,40 +221,71 @@ std::string describe(const PlanningResult& result, const RobotModel& model,
   return out;
 }
 
+Backend read_backend(const std::string& hal_file) {
+  const YamlNode root = YamlNode::load(find_file(hal_file));
+  root.allow_only({"hal"});
+  const YamlNode hal = root.at("hal");
+  const YamlNode backend = hal.at("backend");
+  if (backend.text() == "socketcan") return Backend::kSocketCan;
+  if (backend.text() != "ode") backend.fail("expected ode or socketcan, found " + backend.text());
+  hal.allow_only({"backend"});
+  return Backend::kSimulation;
+}
+
 void add_execution_options(CLI::App& command, ExecutionOptions& options) {
   command.add_option("--control", options.control, "the controller's settings")
       ->capture_default_str();
-  command.add_option("--hal-config", options.hal, "what stands behind the motor bus")
+  command.add_option("--hal,--hal-config", options.hal, "what stands behind the motor bus")
       ->capture_default_str();
   command
       .add_option("--feed-forward", options.feed_forward,
                   "plan: the plan's torques are added to the PID; none: PID alone")
       ->check(CLI::IsMember({"plan", "none"}));
   command.add_flag("--realtime", options.realtime, "paced by the clock, not as fast as possible");
+  command.add_flag("--springs", options.springs,
+                   "series springs of the robot file, and references that make up for them");
+  command.add_option("--perturbed", options.perturbed,
+                     "seed: masses, friction, obstacle, start, drives and simulator differ from "
+                     "the model (docs/results/robustness.md)");
   command.add_flag("--dds,!--no-dds", options.dds, "telemetry over DDS (on)");
 }
 
 SimulatedRun run_plan(const RobotOptions& robot, const RobotModel& model, const Scenario& scenario,
                       const std::string& plan_file, const ExecutionOptions& options,
                       const std::string& log) {
-  check_backend(options.hal);
-  const Plan plan = load_plan(plan_file);
-  check_made_for(plan, plan_file, model, scenario);
+  if (read_backend(options.hal) != Backend::kSimulation)
+    throw InputError(options.hal +
+                     ": hal: backend: only `clamber run` drives motors, expected ode");
+  const PreparedRun prepared = prepare_run(robot, model, scenario, plan_file, options);
   SimulatedRunOptions run;
-  std::optional<FeedForward> feed_forward;
-  if (options.feed_forward)
-    feed_forward = *options.feed_forward == "plan" ? FeedForward::kPlan : FeedForward::kNone;
-  run.control = load_control(options.control, robot, model, feed_forward);
+  run.control = prepared.control;
   run.log = log;
-  run.plan_sha256 = sha256_file(plan_file);
+  run.plan_sha256 = prepared.plan_sha256;
   run.realtime = options.realtime;
   run.dds = options.dds;
-  run.control.accept_uncertified = options.uncertified;
-  const std::string certificate = options.uncertified
-                                      ? std::string()
-                                      : verified_certificate(plan_file, options, model, scenario);
+  run.springs = options.springs;
+  if (options.perturbed) run.perturbation = draw_perturbation({}, model, *options.perturbed);
   if (!log.empty()) make_folder_of(log);
-  return run_in_simulation(model, scenario, plan_to_image(plan, certificate), run);
+  return run_in_simulation(model, scenario, prepared.image, run);
+}
+
+BusRun run_plan_on_buses(const RobotOptions& robot, const RobotModel& model,
+                         const Scenario& scenario, const std::string& plan_file,
+                         const ExecutionOptions& options, const std::string& log) {
+  if (options.uncertified)
+    throw InputError("--uncertified: not on a motor bus, only in the simulation");
+  const BusMap map = load_bus_map(find_file(options.hal), model);
+  const PreparedRun prepared = prepare_run(robot, model, scenario, plan_file, options);
+  BusRunOptions run;
+  run.control = prepared.control;
+  run.plan_sha256 = prepared.plan_sha256;
+  run.log = log;
+  run.lock_step = options.lock_step;
+  run.frame_log = options.frame_log;
+  run.dds = options.dds;
+  for (const std::string& file : {log, options.frame_log})
+    if (!file.empty()) make_folder_of(file);
+  return run_on_buses(model, map, prepared.image, run);
 }
 
 }  // namespace clamber

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/bus_run.hpp"
 #include "apps/certification.hpp"
 #include "apps/options.hpp"
 #include "apps/progress.hpp"
@@ -57,8 +58,12 @@ struct ExecutionOptions {
   std::optional<std::string> feed_forward;  ///< plan or none; nothing: as in `control`
   bool realtime = false;
   bool dds = true;
+  bool springs = false;
+  std::optional<std::uint64_t> perturbed;  ///< seed of what the world differs by
   std::string certificate;   ///< empty: beside the plan
   bool uncertified = false;  ///< runs a plan without one: to look at it in the simulation
+  bool lock_step = false;    ///< motor buses: see lock_step.hpp
+  std::string frame_log;     ///< motor buses in lock step: file for every frame
 };
 void add_execution_options(CLI::App& command, ExecutionOptions& options);
 
@@ -68,5 +73,15 @@ void add_execution_options(CLI::App& command, ExecutionOptions& options);
 [[nodiscard]] SimulatedRun run_plan(const RobotOptions& robot, const RobotModel& model,
                                     const Scenario& scenario, const std::string& plan_file,
                                     const ExecutionOptions& options, const std::string& log);
+
+/// What stands behind the motor bus.
+enum class Backend : std::uint8_t { kSimulation, kSocketCan };
+/// @throws InputError
+[[nodiscard]] Backend read_backend(const std::string& hal_file);
+
+/// The same on the drives of the bus map `options.hal`.
+[[nodiscard]] BusRun run_plan_on_buses(const RobotOptions& robot, const RobotModel& model,
+                                       const Scenario& scenario, const std::string& plan_file,
+                                       const ExecutionOptions& options, const std::string& log);
 
 }  // namespace clamber

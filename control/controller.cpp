@@ -15,11 +15,11 @@ bool acceptable(const ControllerConfig& c) noexcept {
     if (!positive(x)) return false;
   for (const double x : {c.derivative_filter, c.transfer_time, c.hold_time})
     if (!(x >= 0.0 && std::isfinite(x))) return false;
-  if (!(c.tracking_error_limit > 0.0)) return false;
+  if (!(c.tracking_error_limit > 0.0 && c.jump_limit > 0.0 && c.frozen_limit > 0.0)) return false;
   return std::all_of(c.joints.begin(), c.joints.begin() + c.joint_count, [](const auto& j) {
     return positive(j.torque_limit) && positive(j.velocity_limit) && j.lower <= j.upper &&
            j.gains.kp >= 0.0 && j.gains.ki >= 0.0 && j.gains.kd >= 0.0 &&
-           std::isfinite(j.gains.kp + j.gains.ki + j.gains.kd);
+           std::isfinite(j.gains.kp + j.gains.ki + j.gains.kd) && j.spring_stiffness >= 0.0;
   });
 }
 
@@ -57,9 +57,12 @@ LoadReport Controller::load(const ControllerConfig& config, std::string_view rob
     return {.status = LoadStatus::kWorkspaceTooSmall};
   report = check_spline();
   if (report.status != LoadStatus::kOk) return report;
-  for (std::size_t j = 0; j < n; ++j)
+  for (std::size_t j = 0; j < n; ++j) {
+    watch_[j].configure({config.joints[j].velocity_limit, config.jump_limit, config.frozen_limit},
+                        config.dt);
     pid_[j].configure(config.joints[j].gains, {torque[j], config.torque_rate_limit}, config.dt,
                       config.derivative_filter, config.transfer_time);
+  }
   mode_ = status_ = TickStatus::kMovingToStart;
   fault_ = FaultCode::kNone;
   return report;
@@ -111,13 +114,14 @@ bool Controller::inspect(std::span<const JointState> states) noexcept {
   bool all = true;
   for (std::uint32_t j = 0; j < states.size(); ++j) {
     const JointState& s = states[j];
-    usable_[j] = std::isfinite(s.q) && std::isfinite(s.dq) && (s.flags & kJointStale) == 0;
-    if (usable_[j] && (s.flags & kJointFault) != 0) raise(FaultCode::kDriveFault, j);
-    if (usable_[j]) continue;
-    if (all && stale_ticks_ + 1 > config_.stale_ticks_limit) raise(FaultCode::kStaleState, j);
-    all = false;
+    trust_[j] = watch_[j].assess(s, reference_[j].q);
+    if ((s.flags & kJointFault) != 0) raise(FaultCode::kDriveFault, j);
+    lost_ticks_[j] = trust_[j] == JointTrust::kGood ? 0 : lost_ticks_[j] + 1;
+    if (lost_ticks_[j] > config_.stale_ticks_limit)
+      raise(trust_[j] == JointTrust::kMissing ? FaultCode::kStaleState : FaultCode::kUnbelievable,
+            j);
+    all = all && trust_[j] == JointTrust::kGood;
   }
-  stale_ticks_ = all ? 0 : stale_ticks_ + 1;
   return all;
 }
 
@@ -127,7 +131,8 @@ bool Controller::begin(std::span<const JointState> states) noexcept {
   for (std::uint32_t j = 0; j < states.size(); ++j) {
     start_q_[j] = states[j].q;
     reference_[j] = {.q = states[j].q, .dq = 0.0, .tau = 0.0};
-    const double distance = std::abs(plan_.value(0, j) - states[j].q);
+    watch_[j].rebase(states[j].q);
+    const double distance = std::abs(first_reference(j) - states[j].q);
     if (distance > config_.start_distance_limit) raise(FaultCode::kStartDistance, j);
     farthest = std::max(farthest, distance);
     pid_[j].activate(states[j].dq, std::isfinite(states[j].tau) ? states[j].tau : 0.0);
@@ -163,7 +168,7 @@ void Controller::reference_to_start() noexcept {
   const double blend = s * s * s * (10.0 + s * (-15.0 + 6.0 * s));
   const double rate = 30.0 * s * s * (1.0 - s) * (1.0 - s) / start_duration_;
   for (std::size_t j = 0; j < config_.joint_count; ++j) {
-    const double distance = plan_.value(0, j) - start_q_[j];
+    const double distance = first_reference(j) - start_q_[j];
     reference_[j] = {.q = start_q_[j] + blend * distance,
                      .dq = rate * distance,
                      .tau = blend * plan_.keyframes()[0].tau[j]};
@@ -177,10 +182,22 @@ void Controller::reference_on_plan() noexcept {
   for (std::size_t j = 0; j < config_.joint_count; ++j) {
     const JointControl& joint = config_.joints[j];
     const Spline::Sample x = spline_.evaluate(plan_time_, segment_, j);
-    reference_[j] = {.q = std::clamp(x.value, joint.lower, joint.upper),
+    const double tau = interpolate_linear(plan_time_, a.time, a.tau[j], b.time, b.tau[j]);
+    reference_[j] = {.q = std::clamp(x.value, joint.lower, joint.upper) + stretch(j, tau),
                      .dq = x.rate * config_.time_scale,
-                     .tau = interpolate_linear(plan_time_, a.time, a.tau[j], b.time, b.tau[j])};
+                     .tau = tau};
   }
+}
+
+/// rad by which the motor has to lead the link that its spring may carry this torque.
+double Controller::stretch(std::size_t joint, double tau) const noexcept {
+  const double stiffness = config_.joints[joint].spring_stiffness;
+  return stiffness > 0.0 ? tau / stiffness : 0.0;
+}
+
+/// Of the plan's first keyframe, on the encoder's side of the spring, rad.
+double Controller::first_reference(std::size_t joint) const noexcept {
+  return plan_.value(0, joint) + stretch(joint, plan_.keyframes()[0].tau[joint]);
 }
 
 void Controller::check_tracking(std::span<const JointState> states) noexcept {
@@ -198,6 +215,7 @@ void Controller::hold_here(std::span<const JointState> states) noexcept {
     reference_[j].q = states[j].q;
     reference_[j].dq = 0.0;
     pid_[j].rebase();
+    watch_[j].rebase(states[j].q);
   }
 }
 
@@ -213,11 +231,27 @@ void Controller::command(std::span<const JointState> states,
                          std::span<JointCommand> commands) noexcept {
   for (std::size_t j = 0; j < states.size(); ++j) {
     const Reference& r = reference_[j];
+    if (!begun_ || trust_[j] != JointTrust::kGood) {
+      commands[j] = command_blind(j);
+      continue;
+    }
     const double tau_ff = config_.feed_forward == FeedForward::kPlan ? r.tau : 0.0;
-    const double tau = begun_ && usable_[j] ? pid_[j].update(r.q, states[j].q, states[j].dq, tau_ff)
-                                            : pid_[j].output();
+    const double tau = pid_[j].update(r.q, states[j].q, states[j].dq, tau_ff);
     commands[j] = {.q = r.q, .dq = r.dq, .kp = 0.0, .kd = 0.0, .tau = tau};
   }
+}
+
+/// For a joint whose state is missing the drive, which knows it, closes the loop that the host
+/// cannot (drives without gains of their own get the law of the last state, which is the last
+/// torque). Over an encoder that cannot be right nobody closes one: the last steady torque.
+JointCommand Controller::command_blind(std::size_t joint) const noexcept {
+  if (!begun_) return {};
+  JointCommand blind{.q = reference_[joint].q, .tau = pid_[joint].steady()};
+  if (trust_[joint] == JointTrust::kMissing) {
+    blind.kp = config_.joints[joint].gains.kp;
+    blind.kd = config_.joints[joint].gains.kd;
+  }
+  return blind;
 }
 
 void Controller::report(std::span<const JointState> states, std::span<const JointCommand> commands,
@@ -302,6 +336,8 @@ const char* to_string(FaultCode fault) noexcept {
       return "no plan loaded";
     case FaultCode::kStaleState:
       return "no usable joint state";
+    case FaultCode::kUnbelievable:
+      return "joint reading not believable";
     case FaultCode::kDriveFault:
       return "drive fault";
     case FaultCode::kStartDistance:

@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "control/joint_types.hpp"
+#include "control/joint_watch.hpp"
 #include "control/pid.hpp"
 #include "control/plan_image.hpp"
 #include "control/spline.hpp"
@@ -22,6 +23,9 @@ struct JointControl {
   double lower = 0.0;           ///< rad
   double upper = 0.0;           ///< rad
   double velocity_limit = 0.0;  ///< rad/s
+  /// N m/rad of a spring between the encoder and the link; the plan's torque is expected to stretch
+  /// it, and the reference leads by as much. 0: rigid, or not made up for.
+  double spring_stiffness = 0.0;
 };
 
 struct ControllerConfig {
@@ -29,19 +33,22 @@ struct ControllerConfig {
   std::array<JointControl, kMaxJoints> joints{};
   double dt = 1e-3;  ///< s
   FeedForward feed_forward = FeedForward::kPlan;
-  double torque_rate_limit = 5000.0;    ///< N m/s
-  double derivative_filter = 2e-3;      ///< s
-  double transfer_time = 0.05;          ///< s, see JointPid
-  double time_scale = 1.0;              ///< plan seconds per second
-  double start_time = 1.0;              ///< s, shortest move from the measured posture to the plan
-  double start_speed = 0.5;             ///< rad/s, fastest joint in that move
-  double start_distance_limit = 0.5;    ///< rad, farther from the plan's start: fault
-  double hold_time = 4.0;               ///< s at the last keyframe
-  double tracking_error_limit = 0.3;    ///< rad; infinity: never
-  double overshoot_limit = 0.05;        ///< rad, of the spline beyond its keyframes
-  double velocity_factor = 1.0;         ///< refuse a plan faster than this share of the limits
-  bool accept_uncertified = false;      ///< see PlanRequirements; no settings file can set it
-  std::uint32_t stale_ticks_limit = 5;  ///< consecutive ticks without a usable state: fault
+  double torque_rate_limit = 5000.0;  ///< N m/s
+  double derivative_filter = 2e-3;    ///< s
+  double transfer_time = 0.05;        ///< s, see JointPid
+  double time_scale = 1.0;            ///< plan seconds per second
+  double start_time = 1.0;            ///< s, shortest move from the measured posture to the plan
+  double start_speed = 0.5;           ///< rad/s, fastest joint in that move
+  double start_distance_limit = 0.5;  ///< rad, farther from the plan's start: fault
+  double hold_time = 4.0;             ///< s at the last keyframe
+  double tracking_error_limit = 0.3;  ///< rad; infinity: never
+  double overshoot_limit = 0.05;      ///< rad, of the spline beyond its keyframes
+  double velocity_factor = 1.0;       ///< refuse a plan faster than this share of the limits
+  bool accept_uncertified = false;    ///< see PlanRequirements; no settings file can set it
+  std::uint32_t stale_ticks_limit =
+      5;                       ///< consecutive ticks of a joint without a usable state: fault
+  double jump_limit = 0.05;    ///< rad in a tick beyond the joint's velocity limit: not believed
+  double frozen_limit = 0.05;  ///< rad of reference while a joint reads the same to the bit: ditto
 };
 
 /// Why a plan was not accepted.
@@ -66,7 +73,7 @@ enum class TickStatus : std::uint8_t {
   kTracking,
   kHolding,   ///< at the last keyframe, for hold_time
   kFinished,  ///< still holding
-  kWaiting,   ///< some joint has no usable state: its last command is repeated, the plan stands
+  kWaiting,   ///< some joint has no usable state: the plan stands, see Controller::command_blind()
   kFault,     ///< see fault(); the robot is held, the plan will not go on
 };
 
@@ -74,6 +81,7 @@ enum class FaultCode : std::uint8_t {
   kNone,
   kNotLoaded,      ///< no plan, or spans of another size than the robot's
   kStaleState,     ///< a joint had no usable state (stale, not finite) for too long
+  kUnbelievable,   ///< a joint's reading could not be believed for too long, see joint_watch.hpp
   kDriveFault,     ///< a drive reports a fault
   kStartDistance,  ///< the robot stands too far from the plan's first keyframe
   kTrackingError,
@@ -129,10 +137,13 @@ class Controller {
   void update_reference() noexcept;
   void reference_to_start() noexcept;
   void reference_on_plan() noexcept;
+  [[nodiscard]] double stretch(std::size_t joint, double tau) const noexcept;
+  [[nodiscard]] double first_reference(std::size_t joint) const noexcept;
   void check_tracking(std::span<const JointState> states) noexcept;
   void hold_here(std::span<const JointState> states) noexcept;
   void raise(FaultCode fault, std::uint32_t joint) noexcept;
   void command(std::span<const JointState> states, std::span<JointCommand> commands) noexcept;
+  [[nodiscard]] JointCommand command_blind(std::size_t joint) const noexcept;
   void report(std::span<const JointState> states, std::span<const JointCommand> commands,
               TelemetryFrame& frame) const noexcept;
 
@@ -142,13 +153,14 @@ class Controller {
   std::array<JointPid, kMaxJoints> pid_{};
   std::array<double, kMaxJoints> start_q_{};  ///< measured at the first tick, rad
   std::array<Reference, kMaxJoints> reference_{};
-  std::array<bool, kMaxJoints> usable_{};  ///< this tick's states
-  double start_duration_ = 0.0;            ///< s
-  double plan_time_ = 0.0;                 ///< s
+  std::array<JointWatch, kMaxJoints> watch_{};
+  std::array<JointTrust, kMaxJoints> trust_{};          ///< in this tick's states
+  std::array<std::uint32_t, kMaxJoints> lost_ticks_{};  ///< consecutive ones without a usable state
+  double start_duration_ = 0.0;                         ///< s
+  double plan_time_ = 0.0;                              ///< s
   std::size_t segment_ = 0;
-  std::uint64_t ticks_ = 0;       ///< all
-  std::uint64_t mode_ticks_ = 0;  ///< in mode_, without those spent waiting
-  std::uint32_t stale_ticks_ = 0;
+  std::uint64_t ticks_ = 0;                 ///< all
+  std::uint64_t mode_ticks_ = 0;            ///< in mode_, without those spent waiting
   TickStatus mode_ = TickStatus::kFault;    ///< never kWaiting
   TickStatus status_ = TickStatus::kFault;  ///< what the last tick returned
   bool begun_ = false;

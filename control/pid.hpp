@@ -49,6 +49,9 @@ class JointPid {
   [[nodiscard]] double update(double q_ref, double q, double dq, double tau_ff) noexcept;
 
   [[nodiscard]] double output() const noexcept { return output_; }
+  /// What of the last output came neither from the error nor from the rate, within the torque
+  /// limit.
+  [[nodiscard]] double steady() const noexcept { return steady_; }
   [[nodiscard]] double integral() const noexcept { return integral_; }
 
  private:
@@ -61,6 +64,7 @@ class JointPid {
   double integral_ = 0.0;        ///< N m
   double transfer_ = 0.0;        ///< N m
   double output_ = 0.0;          ///< N m
+  double steady_ = 0.0;          ///< N m
   bool rebase_ = false;
 };
 

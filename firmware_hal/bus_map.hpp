@@ -10,6 +10,7 @@
 #include "firmware_hal/bus_model/frame_bits.hpp"
 #include "firmware_hal/codec/cia402.hpp"
 #include "firmware_hal/codec/mit.hpp"
+#include "firmware_hal/virtual_drives/winding.hpp"
 #include "robot_model/model.hpp"
 
 namespace clamber {
@@ -30,6 +31,10 @@ struct Cia402Motor {
   double rated_torque = 1.0;         ///< N m at the joint: object 6076h behind the gear
   double gear_ratio = 1.0;           ///< turns of the motor per turn of the joint
   double max_torque = 1.0;           ///< N m at the joint; commands are clamped to it
+  // Settings of the drive itself, which only its simulation needs:
+  double loop_kp = 1000.0;   ///< N m/rad at the joint: its position loop (CSP, quick stop)
+  double loop_kd = 20.0;     ///< N m s/rad
+  double quick_stop = 20.0;  ///< rad/s^2 at the joint: 6085h
 };
 
 struct MotorType {
@@ -37,6 +42,7 @@ struct MotorType {
   BusProtocol protocol = BusProtocol::kMit;
   MitMotor mit;        ///< if protocol is kMit
   Cia402Motor cia402;  ///< if protocol is kCia402
+  WindingHeat winding;
 };
 
 struct JointDrive {

@@ -99,8 +99,13 @@ class PortClock {
 
   [[nodiscard]] virtual std::int64_t now_ns() noexcept = 0;
   /// Returns when some port may have received something, at `until_ns` at the latest. May return
-  /// early for nothing. The one call of this page that blocks.
+  /// early for nothing. This and the next are the calls of this page that block.
   virtual void wait(std::int64_t until_ns) noexcept = 0;
+  /// The same for one port, to spare wake-ups for the others where all are needed in the end.
+  virtual void wait_for(FramePort& port, std::int64_t until_ns) noexcept {
+    (void)port;
+    wait(until_ns);
+  }
 };
 
 }  // namespace clamber

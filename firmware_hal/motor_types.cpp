@@ -30,7 +30,8 @@ MitReplyKind read_reply(const YamlNode& node) {
 
 MitMotor read_mit(const YamlNode& node) {
   node.allow_only({"protocol", "firmware", "position", "velocity", "kp", "kd", "torque",
-                   "reply_torque", "voltage", "reply", "temperature_offset", "watchdog", "fd"});
+                   "reply_torque", "voltage", "reply", "temperature_offset", "watchdog", "fd",
+                   "winding"});
   MitMotor motor;
   // Which firmware the ranges were read from; only people compare it with the drive's label.
   (void)node.at("firmware").text();
@@ -53,7 +54,8 @@ MitMotor read_mit(const YamlNode& node) {
 }
 
 Cia402Motor read_cia402(const YamlNode& node) {
-  node.allow_only({"protocol", "counts_per_turn", "rated_torque", "gear_ratio", "max_torque"});
+  node.allow_only({"protocol", "counts_per_turn", "rated_torque", "gear_ratio", "max_torque",
+                   "position_loop", "quick_stop", "winding"});
   Cia402Motor motor;
   motor.counts_per_turn = node.at("counts_per_turn").positive();
   motor.rated_torque = node.at("rated_torque").positive();
@@ -62,7 +64,26 @@ Cia402Motor read_cia402(const YamlNode& node) {
   // Target torque is a signed 16-bit number of thousandths of the rated torque.
   if (motor.max_torque > 32.0 * motor.rated_torque)
     node.at("max_torque").fail("expected at most 32 times rated_torque");
+  if (const auto loop = node.find("position_loop")) {
+    loop->allow_only({"kp", "kd"});
+    motor.loop_kp = loop->at("kp").positive();
+    motor.loop_kd = loop->at("kd").non_negative();
+  }
+  if (const auto ramp = node.find("quick_stop")) motor.quick_stop = ramp->positive();
   return motor;
+}
+
+WindingHeat read_winding(const YamlNode& node) {
+  node.allow_only({"loss", "resistance", "time_constant", "limit", "ambient"});
+  WindingHeat heat;
+  heat.loss = node.at("loss").non_negative();
+  heat.resistance = node.at("resistance").positive();
+  heat.time_constant = node.at("time_constant").positive();
+  heat.limit = node.at("limit").positive();
+  if (const auto ambient = node.find("ambient")) heat.ambient = ambient->number();
+  if (heat.limit <= heat.ambient + 5.0)
+    node.at("limit").fail("expected at least 5 degrees above ambient");
+  return heat;
 }
 
 }  // namespace
@@ -80,6 +101,7 @@ std::map<std::string, ListedMotor> load_motor_types(const std::filesystem::path&
       motor.type.mit = read_mit(node);
     else
       motor.type.cia402 = read_cia402(node);
+    if (const auto winding = node.find("winding")) motor.type.winding = read_winding(*winding);
     types.emplace(name, motor);
   }
   return types;

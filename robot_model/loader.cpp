@@ -19,12 +19,16 @@ struct DriveKey {
   double Joint::*member;
   bool may_be_zero;
 };
-constexpr std::array<DriveKey, 5> kDriveKeys = {{
+/// The first five must be in `default`; a robot without springs need not name them.
+constexpr std::size_t kNeededKeys = 5;
+constexpr std::array<DriveKey, 7> kDriveKeys = {{
     {"torque_limit", &Joint::torque_limit, false},
     {"reflected_inertia", &Joint::reflected_inertia, true},
     {"kp", &Joint::kp, false},
     {"ki", &Joint::ki, true},
     {"kd", &Joint::kd, true},
+    {"spring_stiffness", &Joint::spring_stiffness, true},
+    {"spring_damping", &Joint::spring_damping, true},
 }};
 
 std::size_t index(int i) { return static_cast<std::size_t>(i); }
@@ -63,16 +67,18 @@ void read_drive(const YamlNode& node, Joint& joint) {
 void read_drives(const YamlNode& drives, RobotModel& model) {
   drives.allow_only({"default", "groups"});
   const YamlNode defaults = drives.at("default");
-  defaults.allow_only({"torque_limit", "reflected_inertia", "kp", "ki", "kd"});
-  for (const DriveKey& key : kDriveKeys) {
-    (void)defaults.at(key.name);  // each of them must be there
+  defaults.allow_only({"torque_limit", "reflected_inertia", "kp", "ki", "kd", "spring_stiffness",
+                       "spring_damping"});
+  for (std::size_t k = 0; k < kNeededKeys; ++k) {
+    (void)defaults.at(kDriveKeys[k].name);  // each of them must be there
   }
   for (Joint& joint : model.joints) {
     read_drive(defaults, joint);
   }
   if (const auto groups = drives.find("groups")) {
     for (const YamlNode& group : groups->items()) {
-      group.allow_only({"joints", "torque_limit", "reflected_inertia", "kp", "ki", "kd"});
+      group.allow_only({"joints", "torque_limit", "reflected_inertia", "kp", "ki", "kd",
+                        "spring_stiffness", "spring_damping"});
       for (const YamlNode& joint : group.at("joints").items()) {
         read_drive(group, require_joint(model, joint, joint.text()));
       }

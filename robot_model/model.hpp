@@ -33,6 +33,9 @@ struct Joint {
   double drive_torque_limit = 0.0;      ///< N m: where the drive saturates (the URDF's effort)
   double reflected_inertia = 0.0;       ///< kg m^2, rotor behind the gear
   double damping = 0.0;                 ///< N m s/rad
+  double friction = 0.0;                ///< N m, dry; of no file, see sim_backend/perturbation.hpp
+  double spring_stiffness = 0.0;        ///< N m/rad between motor and link, 0: rigid
+  double spring_damping = 0.0;          ///< N m s/rad, beside the spring
   double kp = 0.0, ki = 0.0, kd = 0.0;  ///< default position gains: N m/rad, N m/(rad s), N m s/rad
 };
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <set>
+#include <sstream>
 
 #include "robot_model/loader.hpp"
 
@@ -207,6 +208,23 @@ ClimbVerdict ClimbJudge::verdict() const {
   verdict.success = verdict.success && long_enough && verdict.forbidden_contacts.empty() &&
                     verdict.side_contacts.empty() && verdict.rest_speed <= limits_.rest_speed;
   return verdict;
+}
+
+std::string describe(const ClimbVerdict& verdict) {
+  std::ostringstream out;
+  out.precision(3);
+  const auto list = [&](const char* what, const std::vector<std::string>& names) {
+    if (names.empty()) return;
+    out << (out.tellp() > 0 ? "; " : "") << what;
+    for (const std::string& name : names) out << ' ' << name;
+  };
+  list("not on the obstacle:", verdict.missing_contacts);
+  list("on the floor:", verdict.floor_contacts);
+  list("must not carry:", verdict.forbidden_contacts);
+  list("loaded on a side:", verdict.side_contacts);
+  out << (out.tellp() > 0 ? "; " : "") << "weight on the obstacle "
+      << 100.0 * verdict.weight_on_obstacle << " %; speed at rest " << verdict.rest_speed << " m/s";
+  return out.str();
 }
 
 }  // namespace clamber

@@ -39,6 +39,9 @@ struct ClimbVerdict {
   double rest_speed = 0.0;  ///< greatest joint rate or base velocity in the window, rad/s or m/s
 };
 
+/// What the judge minds, in one line; weight and speed always.
+[[nodiscard]] std::string describe(const ClimbVerdict& verdict);
+
 /// Watches samples and judges the last `window` seconds of them.
 ///
 /// Success, for the whole window and at rest, torso and pelvis touching nothing:

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <utility>
 
 namespace clamber {
 namespace {
@@ -64,36 +65,90 @@ BusStatus OdeBus::enable() {
   return BusStatus::kOk;
 }
 
+OdeBus::OdeBus(OdeWorld& world, DriveErrors errors, double tick)
+    : world_(world),
+      errors_(std::move(errors)),
+      tick_(tick > 0.0 ? tick : world.options().step),
+      acting_(world.model().joints.size()),
+      read_(world.model().joints.size()),
+      noise_(errors_.seed) {}
+
+/// One step of the world under the commands that have arrived; `wanted`: the drives' torques.
+void OdeBus::step(JointVector& wanted) {
+  while (!pending_.empty() &&
+         pending_.front().time <= world_.time() + 0.5 * world_.options().step) {
+    acting_ = std::move(pending_.front().commands);
+    pending_.pop_front();
+  }
+  const JointVector q = world_.motor_position(), dq = world_.motor_rate();
+  wanted = JointVector::Zero(joint_count());
+  JointVector tau = wanted;
+  for (std::size_t i = 0; i < acting_.size(); ++i) {
+    const auto j = static_cast<Eigen::Index>(i);
+    const double torque = drive_law(acting_[i], q[j], dq[j]);
+    read_[i].flags = kJointEnabled;
+    if (std::isfinite(torque)) {
+      wanted[j] = torque;
+    } else {
+      read_[i].flags |= kJointFault;
+    }
+    tau[j] = wanted[j] * (errors_.torque_factor.empty() ? 1.0 : errors_.torque_factor[i]);
+  }
+  world_.step(tau);
+}
+
+double OdeBus::reading(double exact) {
+  if (errors_.encoder_noise > 0.0) {
+    const double uniform = std::ldexp(static_cast<double>(noise_() >> 11), -53);
+    exact += errors_.encoder_noise * (2.0 * uniform - 1.0);
+  }
+  const double count = errors_.encoder_resolution;
+  return count > 0.0 ? count * std::round(exact / count) : exact;
+}
+
+void OdeBus::read(const JointVector& wanted, double elapsed) {
+  const JointVector q = world_.motor_position(), dq = world_.motor_rate();
+  for (std::size_t i = 0; i < read_.size(); ++i) {
+    const auto j = static_cast<Eigen::Index>(i);
+    JointState& state = read_[i];
+    const double before = state.q;
+    state.q = reading(q[j]);
+    const bool first = counters_.exchanges == 0;
+    state.dq = errors_.encoder_is_exact() ? dq[j] : first ? 0.0 : (state.q - before) / elapsed;
+    const double factor = errors_.torque_factor.empty() ? 1.0 : errors_.torque_factor[i];
+    const double given = world_.drive_torque()[j];
+    if (given != factor * wanted[j]) {
+      state.flags |= kJointSaturated;
+    }
+    state.tau = given / factor;
+    state.temperature = 25.0;  // ODE knows no heat: a drive at room temperature
+    state.age = 0;
+  }
+}
+
 BusStatus OdeBus::exchange(std::span<const JointCommand> commands, std::span<JointState> states,
                            std::int64_t /*deadline_ns*/) noexcept {
   const auto count = static_cast<std::size_t>(joint_count());
   if (!enabled_ || commands.size() != count || states.size() != count) {
     return BusStatus::kDown;
   }
-  JointVector tau = JointVector::Zero(joint_count());
-  for (std::size_t i = 0; i < count; ++i) {
-    const auto j = static_cast<Eigen::Index>(i);
-    const double torque =
-        drive_law(commands[i], world_.configuration().q[j], world_.velocity()[6 + j]);
-    states[i].flags = kJointEnabled;
-    if (std::isfinite(torque)) {
-      tau[j] = torque;
-    } else {
-      states[i].flags |= kJointFault;
-    }
+  if (errors_.delay > 0.0) {
+    pending_.push_back({world_.time() + errors_.delay, {commands.begin(), commands.end()}});
+  } else {
+    std::copy(commands.begin(), commands.end(), acting_.begin());
   }
-  world_.step(tau);
+  JointVector wanted;
+  double elapsed = 0.0;
+  for (owed_ += tick_; owed_ >= 0.5 * world_.options().step; owed_ -= world_.options().step) {
+    step(wanted);
+    elapsed += world_.options().step;
+  }
+  if (elapsed > 0.0) {
+    read(wanted, elapsed);
+  }
   ++counters_.exchanges;
   for (std::size_t i = 0; i < count; ++i) {
-    const auto j = static_cast<Eigen::Index>(i);
-    states[i].q = world_.configuration().q[j];
-    states[i].dq = world_.velocity()[6 + j];
-    states[i].tau = world_.drive_torque()[j];
-    if (states[i].tau != tau[j]) {
-      states[i].flags |= kJointSaturated;
-    }
-    states[i].temperature = 25.0;  // ODE knows no heat: a drive at room temperature
-    states[i].age = 0;
+    states[i] = read_[i];
     states[i].sequence = counters_.exchanges;
   }
   return BusStatus::kOk;

@@ -18,6 +18,16 @@ constexpr double kStopDamping = 200.0;  // N m s/rad
 // this zigzag, taking up less makes the guess lag, which takes damping from a robot that rocks.
 constexpr double kTakenUp = 0.9;
 
+// Dry friction below this rate is viscous: a joint at rest under load creeps instead of sticking,
+// by 0.6 degrees in a second at the full friction torque.
+constexpr double kCreep = 0.01;  // rad/s
+
+/// N m s/rad. Dry friction as the secant through the present rate: exact when the rate keeps, and
+/// it can never push.
+double resistance(const Joint& drive, double rate) {
+  return drive.damping + drive.friction / std::max(std::abs(rate), kCreep);
+}
+
 }  // namespace
 
 OdeJoints::OdeJoints(const RobotModel& model, const OdeOptions& options, dWorldID world,
@@ -28,7 +38,10 @@ OdeJoints::OdeJoints(const RobotModel& model, const OdeOptions& options, dWorldI
       feedback_(model.joints.size()),
       wrenches_(model.joints.size()),
       places_(model.joints.size()),
-      tau_(JointVector::Zero(model.joint_count())) {
+      tau_(JointVector::Zero(model.joint_count())),
+      rotors_(model.joints.size()),
+      motor_q_(tau_),
+      motor_rate_(tau_) {
   for (std::size_t i = 0; i < model_.joints.size(); ++i) {
     dJointID hinge = dJointCreateHinge(world, nullptr);
     dJointAttach(hinge, child(i), parent(i));
@@ -45,9 +58,11 @@ dBodyID OdeJoints::parent(std::size_t joint) const {
   return bodies_[static_cast<std::size_t>(model_.bodies[joint + 1].parent)];
 }
 
-void OdeJoints::forget() {
+void OdeJoints::forget(const JointVector& q, const VelocityVector& v) {
   std::fill(wrenches_.begin(), wrenches_.end(), Wrench{});
   tau_.setZero();
+  motor_q_ = q;
+  motor_rate_ = v.tail(q.size());
 }
 
 OdeJoints::Place OdeJoints::locate(std::size_t joint) const {
@@ -63,15 +78,40 @@ OdeJoints::Place OdeJoints::locate(std::size_t joint) const {
   return place;
 }
 
-OdeJoints::Row OdeJoints::row(std::size_t joint, double tau, double q, double rate) const {
+bool OdeJoints::is_elastic(std::size_t joint) const {
+  return options_.springs && model_.joints[joint].spring_stiffness > 0.0;
+}
+
+OdeJoints::Row OdeJoints::rigid_row(std::size_t joint, double tau, double rate) const {
+  const Joint& drive = model_.joints[joint];
+  const double inertia = drive.reflected_inertia / options_.step;
+  return {tau + inertia * rate, inertia + resistance(drive, rate)};
+}
+
+/// With e the spring's torque now and k what spring and damper add to it per rate over the step:
+///   I/h (w' - w) = tau - d w' - s,   s = e + k (w' - v'),   v' the link's rate after the step,
+/// which gives the rotor's rate w' and leaves for the link s = (e + k a / m) - k (1 - k / m) v'.
+OdeJoints::Row OdeJoints::elastic_row(std::size_t joint, double tau, double q) {
+  const Joint& drive = model_.joints[joint];
+  const auto j = static_cast<Eigen::Index>(joint);
+  const double inertia = drive.reflected_inertia / options_.step;
+  const double stretch = drive.spring_stiffness * (motor_q_[j] - q);
+  Rotor& rotor = rotors_[joint];
+  rotor.coupling = options_.step * drive.spring_stiffness + drive.spring_damping;
+  rotor.mass = inertia + resistance(drive, motor_rate_[j]) + rotor.coupling;
+  rotor.push = tau + inertia * motor_rate_[j] - stretch;
+  return {stretch + rotor.coupling * rotor.push / rotor.mass,
+          rotor.coupling * (1.0 - rotor.coupling / rotor.mass)};
+}
+
+OdeJoints::Row OdeJoints::row(std::size_t joint, double tau, double q, double rate) {
   const Joint& limits = model_.joints[joint];
-  const double h = options_.step;
-  Row row{tau + limits.reflected_inertia / h * rate, limits.reflected_inertia / h + limits.damping};
+  Row row = is_elastic(joint) ? elastic_row(joint, tau, q) : rigid_row(joint, tau, rate);
   const double beyond = std::max(0.0, q - limits.upper) + std::min(0.0, q - limits.lower);
   // A stop pushes and never holds back.
   if (beyond != 0.0 && beyond * (kStopStiffness * beyond + kStopDamping * rate) > 0.0) {
     row.drive -= kStopStiffness * beyond;
-    row.resistance += h * kStopStiffness + kStopDamping;
+    row.resistance += options_.step * kStopStiffness + kStopDamping;
   }
   return row;
 }
@@ -117,7 +157,24 @@ void OdeJoints::drive(const JointVector& command, const JointVector& q, const Ve
   }
 }
 
+void OdeJoints::move_rotors() {
+  for (std::size_t i = 0; i < hinges_.size(); ++i) {
+    const auto j = static_cast<Eigen::Index>(i);
+    if (is_elastic(i)) {
+      const Rotor& rotor = rotors_[i];
+      motor_rate_[j] = (rotor.push + rotor.coupling * rate(i)) / rotor.mass;
+      motor_q_[j] += options_.step * motor_rate_[j];
+    } else {
+      motor_rate_[j] = rate(i);
+      motor_q_[j] = angle(i, motor_q_[j]);
+    }
+  }
+}
+
 void OdeJoints::read() {
+  if (options_.springs) {
+    move_rotors();
+  }
   if (options_.stepper != OdeStepper::kQuick) {
     return;  // the exact stepper needs no guess
   }

@@ -26,13 +26,17 @@ class OdeJoints {
   void drive(const JointVector& command, const JointVector& q, const VelocityVector& v);
   /// Takes up what the joints carried during the step.
   void read();
-  void forget();  ///< as if no joint had ever carried anything
+  /// As if no joint had ever carried anything; rotors stand where the joints do (v = [base;
+  /// joints]).
+  void forget(const JointVector& q, const VelocityVector& v);
 
   [[nodiscard]] const JointVector& torque() const { return tau_; }  ///< after saturation, N m
   /// Angle in the turn that is nearest to `near`, rad (ODE folds angles into +-pi).
   [[nodiscard]] double angle(std::size_t joint, double near) const;
   [[nodiscard]] double rate(std::size_t joint) const;  ///< rad/s
   [[nodiscard]] double separation() const;             ///< m, see OdeWorld::joint_separation()
+  [[nodiscard]] const JointVector& motor_position() const { return motor_q_; }  ///< rad, springs on
+  [[nodiscard]] const JointVector& motor_rate() const { return motor_rate_; }   ///< rad/s
 
  private:
   /// Wrench on the child at the anchor, in the parent's axes: it turns with the robot.
@@ -53,8 +57,19 @@ class OdeJoints {
     double resistance;  ///< N m s/rad
   };
 
+  /// A rotor behind its spring during one step: rate' = (push + coupling * link's rate') / mass.
+  struct Rotor {
+    double push = 0.0;      ///< N m
+    double coupling = 0.0;  ///< N m s/rad, of spring and damper over the step
+    double mass = 1.0;      ///< N m s/rad
+  };
+
   [[nodiscard]] Place locate(std::size_t joint) const;
-  [[nodiscard]] Row row(std::size_t joint, double tau, double q, double rate) const;
+  [[nodiscard]] bool is_elastic(std::size_t joint) const;
+  [[nodiscard]] Row rigid_row(std::size_t joint, double tau, double rate) const;
+  [[nodiscard]] Row elastic_row(std::size_t joint, double tau, double q);
+  [[nodiscard]] Row row(std::size_t joint, double tau, double q, double rate);
+  void move_rotors();
   void set_row(std::size_t joint, const Row& row);
   void apply_wrench(std::size_t joint);
   [[nodiscard]] dBodyID child(std::size_t joint) const { return bodies_[joint + 1]; }
@@ -68,6 +83,8 @@ class OdeJoints {
   std::vector<Wrench> wrenches_;
   std::vector<Place> places_;
   JointVector tau_;
+  std::vector<Rotor> rotors_;
+  JointVector motor_q_, motor_rate_;
 };
 
 }  // namespace clamber

@@ -143,7 +143,7 @@ void OdeWorld::Impl::reset(const Configuration& x0, const VelocityVector& v0) {
   place_bodies(bodies, model, x0, v0);
   x = x0;
   v = v0;
-  joints.forget();
+  joints.forget(x0.q, v0);
   contacts.forget();
   guide.set_target(std::nullopt);
   guide.move();
@@ -210,6 +210,15 @@ double OdeWorld::time() const { return impl_->time; }
 const Configuration& OdeWorld::configuration() const { return impl_->x; }
 const VelocityVector& OdeWorld::velocity() const { return impl_->v; }
 const JointVector& OdeWorld::drive_torque() const { return impl_->joints.torque(); }
+
+JointVector OdeWorld::motor_position() const {
+  return impl_->options.springs ? impl_->joints.motor_position() : impl_->x.q;
+}
+
+JointVector OdeWorld::motor_rate() const {
+  return impl_->options.springs ? impl_->joints.motor_rate()
+                                : JointVector(impl_->v.tail(impl_->x.q.size()));
+}
 
 std::span<const ContactObservation> OdeWorld::contacts() const {
   return impl_->contacts.observations();

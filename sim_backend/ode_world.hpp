@@ -10,6 +10,9 @@
 //   which is ODE's soft constraint v' + CFM torque = c with CFM = 1/(I_r/h + d + ...). So the
 //   reflected inertia I_r resists the joint's acceleration only (not the body's own, as an inertia
 //   added to the link would), and damping is stable for any d h / I.
+// - With springs (OdeOptions::springs) the rotor is a state of its own: I_r, d and dry friction act
+//   on the motor's side, a spring-damper ties it to the link. The rotor is eliminated from the
+//   implicit step, so that the link's row stays one row.
 // - A joint's stop is a one-sided spring-damper inside that row: ODE's own stops do not work
 // together
 //   with a soft motor, nor beyond +-pi (shoulder: -3.4 rad).
@@ -54,6 +57,7 @@ struct OdeOptions {
   double guide_stiffness = 2e4;                  ///< N/m, set_base_guide()
   double guide_damping = 2e3;                    ///< N s/m
   unsigned long seed = 1;                        ///< of ODE's random numbers (order of rows)
+  bool springs = false;  ///< between motors and links where the model has them
 };
 
 class OdeWorld {
@@ -89,6 +93,10 @@ class OdeWorld {
   [[nodiscard]] const Configuration& configuration() const;  ///< after the last step
   [[nodiscard]] const VelocityVector& velocity() const;      ///< after the last step
   [[nodiscard]] const JointVector& drive_torque() const;     ///< N m, applied in the last step
+  /// What an encoder on the motor's side of the spring reads, as joint angles and rates; without
+  /// springs those of the joint itself.
+  [[nodiscard]] JointVector motor_position() const;  ///< rad
+  [[nodiscard]] JointVector motor_rate() const;      ///< rad/s
   /// Contact points of the last step: positions before it, forces during it.
   [[nodiscard]] std::span<const ContactObservation> contacts() const;
   /// "floor", the obstacle's name or the other geom's name.

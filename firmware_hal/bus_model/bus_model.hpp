@@ -87,6 +87,10 @@ class BusModel {
 
   [[nodiscard]] std::int64_t now_ns() const { return now_; }
   [[nodiscard]] CanState state(int node) const;
+  /// Frames in the node's transmit queue, the one on the wire not counted.
+  [[nodiscard]] std::size_t queued(int node) const { return at(node).tx.size(); }
+  /// Frames that receive() would give now.
+  [[nodiscard]] std::size_t waiting(int node) const { return at(node).rx.size(); }
   [[nodiscard]] int transmit_errors(int node) const { return at(node).tec; }
   [[nodiscard]] int receive_errors(int node) const { return at(node).rec; }
   [[nodiscard]] const CanNodeCounters& counters(int node) const { return at(node).counters; }

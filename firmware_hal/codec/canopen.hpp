@@ -88,6 +88,7 @@ enum SdoAbortCode : std::uint32_t {
   kSdoAbortCommand = 0x05040001,
   kSdoAbortReadOnly = 0x06010002,
   kSdoAbortNoObject = 0x06020000,
+  kSdoAbortNoMapping = 0x06040041,
   kSdoAbortLength = 0x06070010,
   kSdoAbortNoSubIndex = 0x06090011,
   kSdoAbortRange = 0x06090030,

@@ -21,16 +21,29 @@ std::int64_t SocketCanClock::now_ns() noexcept {
   return static_cast<std::int64_t>(t.tv_sec) * kNanoseconds + t.tv_nsec;
 }
 
-void SocketCanClock::wait(std::int64_t until_ns) noexcept {
+int SocketCanClock::poll(std::span<pollfd> polled, std::int64_t until_ns) noexcept {
   const std::int64_t left = std::max<std::int64_t>(0, until_ns - now_ns());
   const timespec timeout{.tv_sec = static_cast<time_t>(left / kNanoseconds),
                          .tv_nsec = static_cast<long>(left % kNanoseconds)};
+  return ppoll(polled.data(), polled.size(), &timeout, nullptr);
+}
+
+void SocketCanClock::wait(std::int64_t until_ns) noexcept {
   for (std::size_t i = 0; i < ports_.size(); ++i)
     polled_[i] = {ports_[i]->descriptor(), POLLIN, 0};  // poll() passes over negative ones
-  const int ready = ppoll(polled_.data(), polled_.size(), &timeout, nullptr);
-  if (ready < 0) return;
+  if (poll(polled_, until_ns) < 0) return;
   for (std::size_t i = 0; i < ports_.size(); ++i)
     if (polled_[i].revents == 0) ports_[i]->nothing_to_receive();
+}
+
+void SocketCanClock::wait_for(FramePort& port, std::int64_t until_ns) noexcept {
+  for (SocketCanPort* candidate : ports_) {
+    if (candidate != &port) continue;
+    pollfd polled{candidate->descriptor(), POLLIN, 0};
+    (void)poll({&polled, 1}, until_ns);
+    return;
+  }
+  wait(until_ns);
 }
 
 bool stay_on_this_processor() noexcept {

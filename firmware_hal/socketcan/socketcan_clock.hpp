@@ -17,8 +17,11 @@ class SocketCanClock final : public PortClock {
 
   [[nodiscard]] std::int64_t now_ns() noexcept override;
   void wait(std::int64_t until_ns) noexcept override;
+  void wait_for(FramePort& port, std::int64_t until_ns) noexcept override;
 
  private:
+  [[nodiscard]] int poll(std::span<pollfd> polled, std::int64_t until_ns) noexcept;
+
   std::vector<SocketCanPort*> ports_;
   std::vector<pollfd> polled_;
 };

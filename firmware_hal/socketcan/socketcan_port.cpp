@@ -123,6 +123,7 @@ bool SocketCanPort::open() noexcept {
 }
 
 void SocketCanPort::configure() noexcept {
+  to_monotonic_ = now_on(CLOCK_MONOTONIC) - now_on(CLOCK_REALTIME);
   const auto set = [this](int level, int option, const auto& value) {
     // What an older kernel does not know shows in the counters, not here.
     (void)setsockopt(socket_, level, option, &value, sizeof value);
@@ -204,18 +205,15 @@ std::size_t SocketCanPort::receive(std::span<ReceivedFrame> into) noexcept {
       take_errno(errno);
       break;
     }
-    // The kernel stamps receptions with the time of day; the two clocks are compared now.
-    const std::int64_t to_monotonic = now_on(CLOCK_MONOTONIC) - now_on(CLOCK_REALTIME);
     for (std::size_t i = 0; i < static_cast<std::size_t>(received); ++i)
-      if (take(i, messages_[i].msg_len, to_monotonic, into[filled])) ++filled;
+      if (take(i, messages_[i].msg_len, into[filled])) ++filled;
     if (static_cast<std::size_t>(received) < count) break;
   }
   return filled;
 }
 
 /// One received message. @return false: it holds no frame for `out`
-bool SocketCanPort::take(std::size_t slot, std::size_t bytes, std::int64_t to_monotonic,
-                         ReceivedFrame& out) noexcept {
+bool SocketCanPort::take(std::size_t slot, std::size_t bytes, ReceivedFrame& out) noexcept {
   msghdr& header = messages_[slot].msg_hdr;
   out.time_ns = 0;
   for (cmsghdr* c = CMSG_FIRSTHDR(&header); c != nullptr; c = CMSG_NXTHDR(&header, c)) {
@@ -223,7 +221,7 @@ bool SocketCanPort::take(std::size_t slot, std::size_t bytes, std::int64_t to_mo
     if (c->cmsg_type == SO_TIMESTAMPNS) {
       timespec stamp{};
       std::memcpy(&stamp, CMSG_DATA(c), sizeof stamp);
-      out.time_ns = nanoseconds(stamp) + to_monotonic;
+      out.time_ns = nanoseconds(stamp) + to_monotonic_;
     } else if (c->cmsg_type == SO_RXQ_OVFL) {
       std::uint32_t drops = 0;
       std::memcpy(&drops, CMSG_DATA(c), sizeof drops);
@@ -289,6 +287,10 @@ bool SocketCanPort::discard_unsent() noexcept {
 }
 
 void SocketCanPort::maintain(std::int64_t now_ns) noexcept {
+  if (now_ns >= compare_clocks_at_) {
+    to_monotonic_ = now_on(CLOCK_MONOTONIC) - now_on(CLOCK_REALTIME);
+    compare_clocks_at_ = now_ns + kNanoseconds;
+  }
   if (state_ != PortState::kDown || interface_.empty()) return;
   if (retry_at_ == 0) {
     retry_after_ = kFirstRetry;

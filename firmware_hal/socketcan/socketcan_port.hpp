@@ -58,8 +58,7 @@ class SocketCanPort final : public FramePort {
   void configure() noexcept;
   void lose() noexcept;
   void take_errno(int error) noexcept;
-  [[nodiscard]] bool take(std::size_t slot, std::size_t bytes, std::int64_t to_monotonic,
-                          ReceivedFrame& out) noexcept;
+  [[nodiscard]] bool take(std::size_t slot, std::size_t bytes, ReceivedFrame& out) noexcept;
   void take_error_frame(const canfd_frame& raw) noexcept;
 
   std::string interface_;
@@ -71,6 +70,10 @@ class SocketCanPort final : public FramePort {
   std::uint32_t kernel_drops_ = 0;
   std::int64_t retry_at_ = 0;  ///< CLOCK_MONOTONIC; 0: not planned yet
   std::int64_t retry_after_ = 0;
+  /// From the time of day, which the kernel stamps receptions with, to CLOCK_MONOTONIC; compared
+  /// once a second by maintain().
+  std::int64_t to_monotonic_ = 0;
+  std::int64_t compare_clocks_at_ = 0;
 
   // Headers of the system calls, made once: only payloads change.
   std::array<mmsghdr, kBatch> messages_{};

@@ -110,9 +110,10 @@ ForceSolution ContactForces::solve(const RobotData& data, const ContactSet& cont
   solution.torque_margin = std::numeric_limits<double>::infinity();
   for (int i = 0; i < n; ++i) {
     const double tau = std::abs(solution.tau[i]);
-    solution.torque_margin = std::min(
-        solution.torque_margin, model_.joints[static_cast<std::size_t>(i)].torque_limit - tau);
-    if (tau > solution.peak_torque) {
+    const double limit = model_.joints[static_cast<std::size_t>(i)].torque_limit;
+    solution.torque_margin = std::min(solution.torque_margin, limit - tau);
+    if (tau / limit > solution.peak_share) {
+      solution.peak_share = tau / limit;
       solution.peak_torque = tau;
       solution.peak_joint = i;
     }

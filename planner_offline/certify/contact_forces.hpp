@@ -25,11 +25,12 @@ struct ForceSolution {
   Equilibrium status = Equilibrium::kBalance;
   std::vector<Eigen::Vector3d> forces;  ///< per contact (its points summed), world, N, on the robot
   JointVector tau;                      ///< N m, what the joints supply
-  double peak_torque = 0.0;             ///< N m
-  int peak_joint = 0;
-  double torque_margin = 0.0;         ///< N m, smallest limit - |tau| (full limit)
-  double least_friction_slack = 0.0;  ///< N, smallest mu f_z - |f_t| over the contact points
-  double residual = 0.0;              ///< N and N m, norm of the balance's remainder
+  int peak_joint = 0;                   ///< the joint nearest to its limit, or farthest beyond
+  double peak_torque = 0.0;             ///< its torque, N m
+  double peak_share = 0.0;              ///< and the share of its limit
+  double torque_margin = 0.0;           ///< N m, smallest limit - |tau| (full limit)
+  double least_friction_slack = 0.0;    ///< N, smallest mu f_z - |f_t| over the contact points
+  double residual = 0.0;                ///< N and N m, norm of the balance's remainder
 };
 
 /// Minimises sum (tau_i / limit_i)^2 over contact forces f in the friction pyramids

@@ -261,9 +261,9 @@ TouchKeyframe ReferenceOptimiser::finish(Search& search) {
     std::snprintf(text, sizeof text, "no contact forces balance the robot");
   } else if (keyframe.forces.status == Equilibrium::kTorque) {
     keyframe.shortfall = kNominal;
-    std::snprintf(text, sizeof text, "%s needs %.1f N m",
-                  model_.joints[static_cast<std::size_t>(keyframe.forces.peak_joint)].name.c_str(),
-                  keyframe.forces.peak_torque);
+    const Joint& joint = model_.joints[static_cast<std::size_t>(keyframe.forces.peak_joint)];
+    std::snprintf(text, sizeof text, "%s needs %.1f N m of %.1f", joint.name.c_str(),
+                  keyframe.forces.peak_torque, joint.torque_limit * settings_.forces.torque_share);
   }
   keyframe.problem = text;
   return keyframe;

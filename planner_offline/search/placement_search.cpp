@@ -130,7 +130,7 @@ double PlacementSearch::steadiness(const std::vector<Stretch>& stretches) const 
   for (const Stretch& stretch : stretches) {
     for (std::size_t i = 0; i < stretch.path.size(); i += kEvery) {
       forward_kinematics(model_, stretch.path[i], data);
-      peak = std::max(peak, forces.solve(data, stretch.contacts).peak_torque);
+      peak = std::max(peak, forces.solve(data, stretch.contacts).peak_share);
       if (!only_patches(model_, stretch.contacts)) {
         const SupportRegion region(contact_points(model_, data, stretch.contacts));
         worst = std::min(worst, region.margin(data.com.head<2>()));
@@ -141,9 +141,9 @@ double PlacementSearch::steadiness(const std::vector<Stretch>& stretches) const 
   forward_kinematics(model_, stretches.back().path.back(), data);
   const double gap = clearance_.report(data, stretches.back().contacts, {}).obstacle;
   constexpr double kRestingGap = 0.025;  // m
-  constexpr double kEasyTorque = 18.0;   // N m
-  constexpr double kPerTorque = 0.001;   // m of margin that one N m more is worth
-  return worst - kPerTorque * std::max(0.0, peak - kEasyTorque) - std::max(0.0, kRestingGap - gap);
+  constexpr double kEasyShare = 0.6;     // of a joint's torque limit
+  constexpr double kPerShare = 0.03;     // m of margin that the whole limit more is worth
+  return worst - kPerShare * std::max(0.0, peak - kEasyShare) - std::max(0.0, kRestingGap - gap);
 }
 
 /// Climbs by their steadiness, failures below them by how far they came.

@@ -75,6 +75,22 @@ TEST(Controller, ReferencePassesThroughEveryKeyframe) {
   }
 }
 
+TEST(Controller, ReferenceLeadsByTheStretchOfSprings) {
+  Rig rigid, elastic;
+  elastic.config.joints[1].spring_stiffness = 200.0;
+  ASSERT_EQ(rigid.load().status, LoadStatus::kOk);
+  ASSERT_EQ(elastic.load().status, LoadStatus::kOk);
+  for (int i = 0; i < 2500; ++i) {
+    rigid.tick();
+    elastic.tick();
+    EXPECT_EQ(elastic.frame.q_ref[0], rigid.frame.q_ref[0]);
+    if (rigid.status == TickStatus::kTracking) {
+      EXPECT_NEAR(elastic.frame.q_ref[1], rigid.frame.q_ref[1] + rigid.frame.tau_ff[1] / 200.0,
+                  1e-12);
+    }
+  }
+}
+
 TEST(Controller, ReferenceIsSmoothFromTheMeasuredPostureOn) {
   Rig rig;
   rig.place(0.2);
@@ -132,12 +148,13 @@ TEST(Controller, TimeScaleStretchesThePlan) {
   EXPECT_EQ(rig.status, TickStatus::kHolding);
 }
 
-TEST(Controller, RepeatsTheLastCommandAndWaitsForALostJoint) {
+TEST(Controller, LetsTheDriveHoldAndWaitsForALostJoint) {
   Rig rig;
   ASSERT_EQ(rig.load().status, LoadStatus::kOk);
   rig.run(1000);
   const double plan_time = rig.frame.plan_time;
   const double torque = rig.robot.commands[2].tau;
+  const double reference = rig.frame.q_ref[2];
   for (int i = 0; i < 5; ++i) {
     if (i % 2 == 0)
       rig.robot.states[2].q = std::numeric_limits<double>::quiet_NaN();
@@ -146,7 +163,13 @@ TEST(Controller, RepeatsTheLastCommandAndWaitsForALostJoint) {
     rig.tick();
     rig.robot.states[2].flags = 0;
     EXPECT_EQ(rig.status, TickStatus::kWaiting);
-    EXPECT_EQ(rig.robot.commands[2].tau, torque);
+    // What the drive makes of it where the joint last was is what the host last asked for.
+    const JointCommand& blind = rig.robot.commands[2];
+    EXPECT_EQ(blind.q, reference);
+    EXPECT_EQ(blind.kp, rig.config.joints[2].gains.kp);
+    EXPECT_EQ(blind.kd, rig.config.joints[2].gains.kd);
+    const test::Plant& plant = rig.robot.plants[2];
+    EXPECT_NEAR(blind.tau + blind.kp * (blind.q - plant.q) - blind.kd * plant.dq, torque, 0.5);
     EXPECT_EQ(rig.frame.plan_time, plan_time);
     for (const auto& c : rig.robot.commands) EXPECT_TRUE(std::isfinite(c.tau));
   }
@@ -168,6 +191,49 @@ TEST(Controller, FaultsWhenAJointStaysLost) {
   EXPECT_EQ(rig.controller.fault_joint(), 2u);
   rig.run(100);
   EXPECT_EQ(rig.status, TickStatus::kFault);
+}
+
+TEST(Controller, DoesNotFollowAnEncoderThatJumps) {
+  Rig rig;
+  ASSERT_EQ(rig.load().status, LoadStatus::kOk);
+  rig.run(1000);
+  for (int i = 0; i < 50; ++i) {
+    rig.robot.states[2].q += 0.2;
+    rig.tick();
+    EXPECT_EQ(rig.robot.commands[2].kp, 0.0);
+    EXPECT_LT(std::abs(rig.robot.commands[2].tau), 5.0);  // the PID would ask for 120 N m
+    EXPECT_EQ(rig.status, i < 5 ? TickStatus::kWaiting : TickStatus::kFault);
+  }
+  EXPECT_EQ(rig.controller.fault(), FaultCode::kUnbelievable);
+  EXPECT_EQ(rig.controller.fault_joint(), 2u);
+}
+
+TEST(Controller, DoesNotBelieveAReadingThatStandsStillWhileThePlanMoves) {
+  Rig rig;
+  ASSERT_EQ(rig.load().status, LoadStatus::kOk);
+  rig.run(1000);
+  const JointState frozen = rig.robot.states[2];
+  const double start = rig.frame.q_ref[2];
+  int ticks = 0;
+  for (; rig.status != TickStatus::kFault && ticks < 1000; ++ticks) {
+    rig.robot.states[2] = frozen;
+    rig.tick();
+  }
+  EXPECT_EQ(rig.controller.fault(), FaultCode::kUnbelievable);
+  EXPECT_NEAR(rig.frame.q_ref[2] - start, 0.05, 0.01);
+}
+
+/// A few lost replies, each of another joint, are no reason to give up.
+TEST(Controller, CountsLostTicksPerJoint) {
+  Rig rig;
+  ASSERT_EQ(rig.load().status, LoadStatus::kOk);
+  rig.run(1000);
+  for (std::size_t i = 0; i < 100; ++i) {
+    rig.robot.states[i % kJoints].flags |= kJointStale;
+    rig.tick();
+    rig.robot.states[i % kJoints].flags = 0;
+    EXPECT_EQ(rig.status, TickStatus::kWaiting);
+  }
 }
 
 TEST(Controller, HoldsWhereItIsWhenTrackingFails) {

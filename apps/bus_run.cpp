@@ -1,0 +1,151 @@
+#include "apps/bus_run.hpp"
+
+#include <sys/prctl.h>
+
+#include <cmath>
+#include <sstream>
+
+#include "apps/controller_config.hpp"
+#include "apps/run_support.hpp"
+#include "firmware_hal/frame_log.hpp"
+#include "firmware_hal/socketcan/socketcan_bus.hpp"
+#include "robot_model/loader.hpp"
+#include "robot_model/sha256.hpp"
+
+namespace clamber {
+namespace {
+
+/// Looks at what passes; the bus behind it does the work.
+class WatchedBus final : public MotorBus {
+ public:
+  explicit WatchedBus(CanMotorBus& bus) : bus_(bus) {}
+
+  [[nodiscard]] int joint_count() const noexcept override { return bus_.joint_count(); }
+  [[nodiscard]] BusStatus enable() override { return bus_.enable(); }
+  [[nodiscard]] BusStatus exchange(std::span<const JointCommand> commands,
+                                   std::span<JointState> states,
+                                   std::int64_t deadline_ns) noexcept override {
+    const BusStatus status = bus_.exchange(commands, states, deadline_ns);
+    for (std::size_t j = 0; j < states.size(); ++j) {
+      if (std::abs(states[j].tau) > peak_torque) {
+        peak_torque = std::abs(states[j].tau);
+        peak_joint = j;
+      }
+      if (states[j].age > oldest) {
+        oldest = states[j].age;
+        oldest_joint = j;
+      }
+    }
+    return status;
+  }
+  void disable() noexcept override { bus_.disable(); }
+  [[nodiscard]] BusCounters counters() const noexcept override { return bus_.counters(); }
+
+  double peak_torque = 0.0;
+  std::size_t peak_joint = 0;
+  std::uint32_t oldest = 0;
+  std::size_t oldest_joint = 0;
+
+ private:
+  CanMotorBus& bus_;
+};
+
+void require_same_rate(const BusMap& map, const ControllerConfig& control) {
+  if (std::abs(map.rate * control.dt - 1.0) > 1e-9)
+    throw InputError(map.file + ": hal: rate: " + std::to_string(map.rate) +
+                     " Hz, but the controller's tick is " + std::to_string(control.dt) + " s");
+}
+
+}  // namespace
+
+bool BusRun::success() const {
+  return execution.status == TickStatus::kFinished && execution.bus != BusStatus::kDown;
+}
+
+std::string BusRun::failure(const RobotModel& model) const {
+  if (success()) return {};
+  if (!trouble.empty()) return trouble;
+  if (execution.stopped) return "interrupted";
+  const std::string drives = faults.empty() ? "" : "; " + faults.front();
+  if (execution.bus == BusStatus::kDown) return "the motor bus went down" + drives;
+  const std::string joint = execution.fault_joint < model.joints.size()
+                                ? " at " + model.joints[execution.fault_joint].name
+                                : "";
+  return std::string("the controller gave up: ") + to_string(execution.fault) + joint + drives;
+}
+
+BusRun run_on_buses(const RobotModel& model, const BusMap& map, const std::vector<std::byte>& image,
+                    const BusRunOptions& options) {
+  require_same_rate(map, options.control);
+  Controller controller;
+  std::vector<double> workspace(Controller::workspace_size(image.size() / sizeof(ImageKeyframe)));
+  const LoadReport loaded = controller.load(options.control, model.hash, image, workspace);
+  if (loaded.status != LoadStatus::kOk)
+    throw InputError("the controller refuses the plan: " + describe(loaded, model));
+
+  std::optional<FrameLog> frame_log;
+  if (!options.frame_log.empty()) frame_log.emplace(options.frame_log, map);
+  SocketCanBus buses(map, options.lock_step, frame_log ? &*frame_log : nullptr);
+  WatchedBus bus(buses.bus());
+  std::optional<RunLogWriter> log;
+  if (!options.log.empty())
+    log.emplace(options.log, make_run_log_header(model, options.plan_sha256, options.control.dt),
+                log_capacity(controller, !options.lock_step));
+  std::optional<RunTelemetry> telemetry;
+  if (options.dds) telemetry.emplace(model);
+
+  const StopGuard guard;
+  ExecutorOptions execution{.realtime = !options.lock_step, .stop = guard.flag()};
+  execution.log = log ? &*log : nullptr;
+  if (telemetry) execution.sinks.push_back(&telemetry->ring());
+  if (telemetry && options.lock_step)
+    execution.observe = [&](TelemetryFrame&) { telemetry->wait_for_room(); };
+  if (options.lock_step)
+    (void)stay_on_this_processor();
+  else
+    (void)prctl(PR_SET_TIMERSLACK, 1UL);  // else every wait may end 50 us late
+
+  BusRun run;
+  run.execution = execute(controller, bus, execution);
+  run.peak_torque = bus.peak_torque;
+  run.peak_joint = model.joints[bus.peak_joint].name;
+  run.oldest_state = bus.oldest;
+  run.oldest_joint = model.joints[bus.oldest_joint].name;
+  run.counters = bus.counters();
+  run.trouble = buses.trouble();
+  run.faults = buses.faults();
+  run.table = buses.table();
+  if (frame_log) {
+    frame_log->close();
+    run.frames = frame_log->frames();
+    run.frame_log_sha256 = sha256_file(options.frame_log);
+  }
+  if (telemetry) run.telemetry = telemetry->finish();
+  return run;
+}
+
+std::string describe(const BusRun& run, const RobotModel& model) {
+  std::ostringstream out;
+  out.precision(3);
+  const ExecutorReport& execution = run.execution;
+  out << "run:         " << to_string(execution.status) << " after " << execution.ticks
+      << " ticks in " << execution.wall_time << " s\n";
+  if (execution.overruns > 0)
+    out << "late:        " << execution.overruns << " ticks, " << execution.skipped
+        << " grid points lost, worst wake-up " << 1e3 * execution.worst_wakeup << " ms\n";
+  out << "peak torque: " << run.peak_torque << " N m (" << run.peak_joint << ")\n";
+  out << "states:      " << run.counters.missing_replies << " replies missing, "
+      << run.counters.late << " late; oldest state used " << run.oldest_state << " ticks";
+  if (run.oldest_state > 0) out << " (" << run.oldest_joint << ')';
+  out << '\n' << run.table;
+  for (const std::string& fault : run.faults) out << "fault:       " << fault << '\n';
+  if (run.telemetry)
+    out << "telemetry:   " << run.telemetry->frames << " frames published, "
+        << run.telemetry->ring_drops << " dropped, " << run.telemetry->refused << " refused\n";
+  if (!run.frame_log_sha256.empty())
+    out << "frame log:   " << run.frames << " frames, sha256 " << run.frame_log_sha256 << '\n';
+  out << "plan:        " << (run.success() ? "executed" : "failure: " + run.failure(model)) << '\n';
+  return out.str();
+}
+
+}  // namespace clamber

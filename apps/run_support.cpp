@@ -1,0 +1,60 @@
+#include "apps/run_support.hpp"
+
+#include <chrono>
+#include <csignal>
+#include <thread>
+
+namespace clamber {
+namespace {
+
+std::atomic<bool> stop_requested{false};
+static_assert(std::atomic<bool>::is_always_lock_free);
+
+void request_stop(int /*signal*/) { stop_requested = true; }
+
+TelemetryConfig config_of(const RobotModel& model) {
+  TelemetryConfig config;
+  config.robot = model.name;
+  return with_environment(config);
+}
+
+TelemetryDescription description_of(const RobotModel& model) {
+  TelemetryDescription description;
+  for (const Joint& joint : model.joints) {
+    description.joint_names.push_back(joint.name);
+    description.torque_limits.push_back(joint.torque_limit);
+  }
+  for (const ContactLink& contact : model.contacts)
+    description.contact_names.push_back(contact.name);
+  return description;
+}
+
+}  // namespace
+
+StopGuard::StopGuard()
+    : interrupt_before_(std::signal(SIGINT, request_stop)),
+      terminate_before_(std::signal(SIGTERM, request_stop)) {
+  stop_requested = false;
+}
+
+StopGuard::~StopGuard() {
+  std::signal(SIGINT, interrupt_before_);
+  std::signal(SIGTERM, terminate_before_);
+}
+
+const std::atomic<bool>* StopGuard::flag() const noexcept { return &stop_requested; }
+
+RunTelemetry::RunTelemetry(const RobotModel& model)
+    : publisher_(config_of(model), description_of(model), ring_) {}
+
+void RunTelemetry::wait_for_room() const {
+  while (ring_.size() + 1 >= ring_.capacity())
+    std::this_thread::sleep_for(std::chrono::microseconds(200));
+}
+
+PublisherCounters RunTelemetry::finish() {
+  publisher_.stop();
+  return publisher_.counters();
+}
+
+}  // namespace clamber

@@ -1,0 +1,41 @@
+// What every executed plan needs around the run loop: telemetry over DDS and a way to stop it.
+// Main thread, before and after the run; wait_for_room() between ticks. Allocates.
+#pragma once
+
+#include <atomic>
+
+#include "robot_model/model.hpp"
+#include "telemetry/publisher.hpp"
+
+namespace clamber {
+
+/// Turns SIGINT and SIGTERM into a request to stop for as long as it lives. One at a time.
+class StopGuard {
+ public:
+  StopGuard();
+  ~StopGuard();
+  StopGuard(const StopGuard&) = delete;
+  StopGuard& operator=(const StopGuard&) = delete;
+  [[nodiscard]] const std::atomic<bool>* flag() const noexcept;
+
+ private:
+  void (*interrupt_before_)(int);
+  void (*terminate_before_)(int);
+};
+
+/// Ring and publisher; constructed before the run, finished after it.
+class RunTelemetry {
+ public:
+  explicit RunTelemetry(const RobotModel& model);
+
+  [[nodiscard]] FrameRing& ring() { return ring_; }
+  /// Outside the tick: waits until the publisher has made room.
+  void wait_for_room() const;
+  PublisherCounters finish();
+
+ private:
+  FrameRing ring_;
+  Publisher publisher_;
+};
+
+}  // namespace clamber
