@@ -92,12 +92,12 @@ class Climb {
                           .rejected = out_.rejected()};
     PlanningResult result;
     stage("planning", [&] {
-      result = make_plan(model_, scenario_, sequence_, options_.settings, files, progress_);
+      result = make_plan(model_, scenario_, &sequence_, options_.settings, files, progress_);
     });
     summary_.planning_stages.insert(summary_.planning_stages.end(), result.stages.begin(),
                                     result.stages.end());
     summary_.plan_sha256 = sha256_file(out_.plan());
-    std::cout << describe(result, model_, sequence_) << std::flush;
+    std::cout << describe(result, model_, sequence_.notes) << std::flush;
     Certification certification;
     planning_stage("certificate", [&] { certification = certify_plan(model_, scenario_, files); });
     extra_["certificate"] = to_json(certification);
@@ -141,6 +141,7 @@ class Climb {
 
   void finish() {
     summary_.obstacle_height = scenario_.obstacles.front().top();
+    summary_.outcome = outcome(scenario_.goal);
     summary_.recording = motion_.recording;
     summary_.synthetic_recording = motion_.synthetic;
     summary_.ballast = model_.ballast_mass;

@@ -2,6 +2,7 @@
 #include <filesystem>
 #include <iostream>
 #include <memory>
+#include <optional>
 
 #include "apps/commands.hpp"
 #include "apps/config_files.hpp"
@@ -13,6 +14,7 @@ namespace {
 
 struct Options {
   std::string contacts;
+  bool no_recording = false;
   std::string settings = "configs/planner/default.yaml";
   PlanFiles files{.plan = "out/plan.json",
                   .certificate = {},
@@ -23,6 +25,12 @@ struct Options {
   RobotOptions robot;
   ScenarioOptions scenario;
 };
+
+std::string joined(const std::vector<std::string>& order) {
+  std::string text;
+  for (const std::string& links : order) text += (text.empty() ? "" : ", ") + links;
+  return text;
+}
 
 /// The logs lie beside the plan and are named after it where no other place is given.
 PlanFiles with_logs(PlanFiles files) {
@@ -37,13 +45,19 @@ PlanFiles with_logs(PlanFiles files) {
 void run(const Options& options) {
   const RobotModel model = load_robot(options.robot);
   const Scenario scenario = load_scenario(options.scenario);
-  const ContactSequence sequence = load_contacts(find_file(options.contacts), model);
+  std::optional<ContactSequence> recorded;
+  if (!options.contacts.empty()) recorded = load_contacts(find_file(options.contacts), model);
   Progress progress;
   progress.stage("planning");
   const PlanningResult result =
-      make_plan(model, scenario, sequence, options.settings, with_logs(options.files), progress);
+      make_plan(model, scenario, options.no_recording ? nullptr : &*recorded, options.settings,
+                with_logs(options.files), progress);
   progress.stage("planned");
-  std::cout << describe(result, model, sequence) << std::flush;
+  std::cout << describe(result, model, recorded ? recorded->notes : std::vector<std::string>());
+  std::cout << "order:       " << joined(contact_order(result.plan)) << '\n';
+  if (options.no_recording && recorded)
+    std::cout << "recorded:    " << joined(contact_order(*recorded)) << '\n';
+  std::cout << std::flush;
   const Certification certification = certify_plan(model, scenario, options.files);
   std::cout << describe(certification) << "written:     " << options.files.plan << '\n';
   if (!certification.report.valid)
@@ -56,7 +70,10 @@ void add_plan_command(CLI::App& app) {
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand(
       "plan", "Finds a statically stable, torque-feasible climb along a contact sequence");
-  command->add_option("contacts", options->contacts, "contacts.yaml")->required();
+  auto* contacts = command->add_option("contacts", options->contacts, "contacts.yaml");
+  command->add_flag("--no-recording", options->no_recording,
+                    "searches for contacts, their order and places instead of taking a recording's; "
+                    "contacts.yaml is compared with then, if given");
   command->add_option("-o,--out", options->files.plan, "the plan")->capture_default_str();
   command->add_option("--certificate", options->files.certificate, "its certificate (<plan>.cert)");
   command->add_option("--export", options->files.trajectory,
@@ -78,7 +95,11 @@ void add_plan_command(CLI::App& app) {
       "Example:\n"
       "  clamber plan contacts.yaml --scenario configs/scenarios/box_0.20.yaml \\\n"
       "    -o plan.json --export trajectory.csv --log costs.csv");
-  command->callback([options] { run(*options); });
+  command->callback([options, contacts] {
+    if (contacts->empty() && !options->no_recording)
+      throw CLI::RequiredError("contacts (or --no-recording)");
+    run(*options);
+  });
 }
 
 }  // namespace clamber

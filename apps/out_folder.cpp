@@ -36,6 +36,7 @@ Summary parse_summary(const Json& json) {
                    .forbidden_contacts = judge.at("forbidden_contacts"),
                    .rest_speed = judge.at("rest_speed")};
   summary.obstacle_height = json.at("obstacle_height_m");
+  summary.outcome = json.at("outcome");
   summary.recording = json.at("recording");
   if (!json.at("playback_success").is_null())
     summary.playback_success = json.at("playback_success").get<bool>();

@@ -35,7 +35,9 @@ std::string objections(const ClimbVerdict& verdict) {
   const auto list = [&](const char* what, const std::vector<std::string>& names) {
     if (!names.empty()) out << (out.tellp() > 0 ? "; " : "") << what << ' ' << joined(names);
   };
-  list("not on the obstacle:", verdict.missing_contacts);
+  list("do not carry where they should:", verdict.missing_contacts);
+  list("carry and should not:", verdict.unwanted_contacts);
+  if (!verdict.on_the_right_side) list("soles are on the wrong side of", {"the obstacle"});
   list("on the floor:", verdict.floor_contacts);
   list("must not carry:", verdict.forbidden_contacts);
   list("loaded on a side:", verdict.side_contacts);

@@ -96,14 +96,16 @@ void save_log(const PlanningLog& log, const PlanFiles& files) {
   write_text(files.rejected, text);
 }
 
+/// @param sequence  nullptr: without a recording
 PlanningResult plan_or_leave_log(const RobotModel& model, const Scenario& scenario,
-                                 const ContactSequence& sequence, const PlannerSettings& settings,
+                                 const ContactSequence* sequence, const PlannerSettings& settings,
                                  const PlanFiles& files, Progress& progress) {
+  const auto show = [&](double share, const std::string& what) { progress.update(share, what); };
+  const auto check = [&](const Plan& plan) { return why_not_certified(plan, model, scenario); };
   try {
-    return plan_climb(
-        model, scenario, sequence, settings,
-        [&](double share, const std::string& what) { progress.update(share, what); },
-        [&](const Plan& plan) { return why_not_certified(plan, model, scenario); });
+    return sequence != nullptr
+               ? plan_climb(model, scenario, *sequence, settings, show, check)
+               : plan_without_recording(model, scenario, settings, show, check);
   } catch (const PlanningFailed& error) {
     progress.clear();
     if (error.log() == nullptr) throw;
@@ -168,7 +170,7 @@ std::string overload_table(const RobotModel& model, const std::string& log) {
 }
 
 PlanningResult make_plan(const RobotModel& model, const Scenario& scenario,
-                         const ContactSequence& sequence, const std::string& settings,
+                         const ContactSequence* sequence, const std::string& settings,
                          const PlanFiles& files, Progress& progress) {
   PlanningResult result = plan_or_leave_log(
       model, scenario, sequence, load_planner_settings(find_file(settings)), files, progress);
@@ -193,7 +195,7 @@ Certification certify_plan(const RobotModel& model, const Scenario& scenario,
 }
 
 std::string describe(const PlanningResult& result, const RobotModel& model,
-                     const ContactSequence& sequence) {
+                     const std::vector<std::string>& known_notes) {
   const Plan& plan = result.plan;
   double peak = 0.0;
   double support = std::numeric_limits<double>::infinity();
@@ -216,7 +218,7 @@ std::string describe(const PlanningResult& result, const RobotModel& model,
   out += line("torque:      %.1f N m at most (%s)\n", peak, joint.c_str());
   out += line("margins:     support %.1f mm, clearance %.1f mm\n", 1e3 * support, 1e3 * clearance);
   for (const std::string& note : plan.notes)
-    if (std::find(sequence.notes.begin(), sequence.notes.end(), note) == sequence.notes.end())
+    if (std::find(known_notes.begin(), known_notes.end(), note) == known_notes.end())
       out += "note: " + note + '\n';
   return out;
 }

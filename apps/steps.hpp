@@ -38,9 +38,10 @@ struct PlanFiles {
   std::string costs;     ///< written also when planning fails
   std::string rejected;  ///< written also when planning fails
 };
+/// @param sequence  nullptr: without a recording
 /// @throws PlanningFailed naming the file that lists what was tried, if there is one
 [[nodiscard]] PlanningResult make_plan(const RobotModel& model, const Scenario& scenario,
-                                       const ContactSequence& sequence, const std::string& settings,
+                                       const ContactSequence* sequence, const std::string& settings,
                                        const PlanFiles& files, Progress& progress);
 /// Certifies the plan file just written, and writes the image that names the certificate. The
 /// image of a plan whose certificate is not valid is not written.
@@ -49,7 +50,7 @@ struct PlanFiles {
 /// Keyframes, duration, torques and margins of a plan and what the planner noted beyond the notes
 /// of its contact sequence, as lines.
 [[nodiscard]] std::string describe(const PlanningResult& result, const RobotModel& model,
-                                   const ContactSequence& sequence);
+                                   const std::vector<std::string>& known_notes);
 
 /// What `clamber run` and `clamber climb` let one choose.
 struct ExecutionOptions {

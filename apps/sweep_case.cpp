@@ -181,7 +181,7 @@ void SweepRunner::attempt(const SweepPoint& point, Json& record, Json& times) {
   try {
     times["planning_s"] = quiet_.time("planning", [&] {
       try {
-        result = make_plan(robot.model, scenario, std::get<ContactSequence>(found),
+        result = make_plan(robot.model, scenario, &std::get<ContactSequence>(found),
                            inputs_.settings, files, quiet_);
       } catch (const PlanningFailed& error) {
         if (keep_plans_) save_rejected(error, file("plans", point, ".rejected.txt"));

@@ -4,10 +4,12 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <set>
 
 #include "planner_offline/search/goal_search.hpp"
 #include "planner_offline/search/placement_search.hpp"
 #include "planner_offline/search/timing.hpp"
+#include "robot_model/loader.hpp"
 
 #ifndef CLAMBER_VERSION
 #define CLAMBER_VERSION "unversioned"
@@ -173,73 +175,235 @@ Plan plan_header(const RobotModel& model, const Scenario& scenario, const std::s
   return plan;
 }
 
+namespace {
+
+/// One planning job: what every way of finding stretches shares.
+class Planning {
+ public:
+  Planning(const RobotModel& model, const Scenario& scenario, const PlannerSettings& settings,
+           const PlanningProgress& progress, const PlanCheck& check, Plan header)
+      : model_(model),
+        scenario_(scenario),
+        settings_(with_friction(settings, scenario)),
+        progress_(progress),
+        check_(check),
+        header_(std::move(header)),
+        clearance_(model, scenario, settings_.clearance) {}
+
+  void find_along(const std::vector<Move>& moves);
+  void find_freely();
+  [[nodiscard]] PlanningResult finish();
+
+ private:
+  static PlannerSettings with_friction(PlannerSettings settings, const Scenario& scenario) {
+    settings.forces.friction = settings.friction_share * scenario.friction;
+    return settings;
+  }
+  [[nodiscard]] std::string written(const std::vector<Stretch>& stretches);
+  [[nodiscard]] PlannerSettings seeded(std::size_t seed) const;
+  [[nodiscard]] std::vector<Stretch> freely(const PlannerSettings& settings);
+  void complete(const std::vector<Stretch>& climb);
+  [[noreturn]] void fail(const std::string& why) const;
+
+  const RobotModel& model_;
+  const Scenario& scenario_;
+  PlannerSettings settings_;
+  const PlanningProgress& progress_;
+  const PlanCheck& check_;
+  Plan header_;
+  Clearance clearance_;
+  PlanningResult result_;
+  double writing_ = 0.0, checking_ = 0.0;  // s
+};
+
+/// Writes the plan of the stretches and has it checked; why it does not do, empty: it does.
+std::string Planning::written(const std::vector<Stretch>& stretches) {
+  const Stopwatch write_time;
+  Plan plan = header_;
+  PlanWriter writer(model_, scenario_, clearance_, settings_, plan);
+  try {
+    write_keyframes(writer, stretches);
+  } catch (const PlanningFailed& error) {
+    return error.what();
+  }
+  writing_ += write_time.seconds();
+  const Stopwatch check_time;
+  const std::string why = check_ ? check_(plan) : "";
+  checking_ += check_time.seconds();
+  if (why.empty()) {
+    result_.plan = std::move(plan);
+  }
+  return why;
+}
+
+void Planning::fail(const std::string& why) const {
+  throw PlanningFailed(why, std::make_shared<const PlanningLog>(result_));
+}
+
+PlannerSettings Planning::seeded(std::size_t seed) const {
+  PlannerSettings settings = settings_;
+  settings.search.seed += seed;
+  return settings;
+}
+
+/// The climb along recorded contacts, then the rest of the goal.
+void Planning::find_along(const std::vector<Move>& moves) {
+  const Stopwatch time;
+  const ClimbSearch search = search_climb(
+      model_, scenario_, clearance_, settings_, start_configuration(model_, scenario_), moves,
+      [this](const SearchResult& found) { return written(found.stretches); },
+      [this](int move, int of, const std::string& what) {
+        progress_(static_cast<double>(move) / std::max(of, 1), what);
+      });
+  const double searched = time.seconds() - writing_ - checking_;
+  result_.stages = {{"reference optimisation", search.reference_share * searched},
+                    {"search", (1.0 - search.reference_share) * searched}};
+  result_.costs = search.costs;
+  result_.rejected = search.rejected;
+  result_.candidates = search.candidates;
+  result_.backtracks = search.backtracks;
+  if (!search.best.success) {
+    fail("no statically stable, torque-feasible climb of " + scenario_.name +
+         " found; the furthest attempt ended with: " + search.best.failure);
+  }
+  if (scenario_.goal != Goal::kAllFours) {
+    complete(search.best.stretches);
+  }
+}
+
+/// What the goal asks for after the climb. Another seed makes other postures and ways.
+void Planning::complete(const std::vector<Stretch>& climb) {
+  const Stopwatch time;
+  const double before = writing_ + checking_;
+  std::string why;
+  for (std::size_t seed = 0; seed < settings_.search.most_seeds; ++seed) {
+    try {
+      const PlannerSettings settings = seeded(seed);
+      GoalSearch goal(model_, scenario_, clearance_, settings,
+                      [this](double share, const std::string& what) { progress_(share, what); });
+      why = written(goal.complete(climb));
+    } catch (const PlanningFailed& failed) {
+      why = failed.what();
+    }
+    if (why.empty()) {
+      result_.stages.emplace_back("after all fours",
+                                  time.seconds() - (writing_ + checking_ - before));
+      return;
+    }
+    result_.rejected.push_back(why);
+  }
+  fail(std::string("all fours is reached, ") + to_string(scenario_.goal) + " is not: " + why);
+}
+
+/// Onto all fours without a demonstration: contacts, their order and their places come out of the
+/// search over the contact graph.
+std::vector<Stretch> Planning::freely(const PlannerSettings& settings) {
+  Transition transition(model_, scenario_, clearance_, settings);
+  GraphSearch graph(model_, transition, [this](const std::string& what) {
+    if (what.rfind("rejected: ", 0) == 0) {
+      result_.rejected.push_back(what.substr(10));
+    }
+    progress_(0.0, what);
+  });
+  const Configuration start = start_configuration(model_, scenario_);
+  RobotData data;
+  forward_kinematics(model_, start, data);
+  Node node{start, {}};
+  for (int link = 0; link < static_cast<int>(model_.contacts.size()); ++link) {
+    if (model_.contacts[static_cast<std::size_t>(link)].is_patch) {
+      node.contacts.push_back(make_contact(model_, scenario_, data, link, kFloor));
+    }
+  }
+  std::vector<Touch> goal;
+  for (const std::string& name : all_fours_contacts(model_, scenario_)) {
+    const auto link = model_.find_contact(name);
+    if (!link) {
+      throw InputError(scenario_.name + ": goal.contacts: robot " + model_.name +
+                       " has no contact link '" + name + "'");
+    }
+    goal.push_back({*link, 0, {}, 0.0});
+  }
+  return graph.find(goal, model_.home, node);
+}
+
+void Planning::find_freely() {
+  const Stopwatch time;
+  std::string why;
+  for (std::size_t seed = 0; seed < settings_.search.most_seeds; ++seed) {
+    try {
+      const std::vector<Stretch> climb = freely(seeded(seed));
+      why = written(climb);
+      if (why.empty()) {
+        result_.stages = {{"search", time.seconds() - writing_ - checking_}};
+        if (scenario_.goal != Goal::kAllFours) {
+          complete(climb);
+        }
+        return;
+      }
+    } catch (const PlanningFailed& failed) {
+      why = failed.what();
+    }
+    result_.rejected.push_back(why);
+  }
+  fail("no climb of " + scenario_.name + " without a recording found: " + why);
+}
+
+PlanningResult Planning::finish() {
+  result_.stages.emplace_back("timing and torques", writing_);
+  result_.stages.emplace_back("checks of plans found", checking_);
+  progress_(1.0, "done");
+  return std::move(result_);
+}
+
+}  // namespace
+
 PlanningResult plan_climb(const RobotModel& model, const Scenario& scenario,
                           const ContactSequence& sequence, const PlannerSettings& settings,
                           const PlanningProgress& progress, const PlanCheck& check) {
-  PlannerSettings used = settings;
-  used.forces.friction = settings.friction_share * scenario.friction;
-  Plan empty = plan_header(model, scenario, sequence.recording, sequence.synthetic);
-  empty.notes = sequence.notes;
-  const std::vector<Move> moves = plan_moves(model, scenario, sequence, empty.notes);
-  const Clearance clearance(model, scenario, used.clearance);
+  Plan header = plan_header(model, scenario, sequence.recording, sequence.synthetic);
+  header.notes = sequence.notes;
+  const std::vector<Move> moves = plan_moves(model, scenario, sequence, header.notes);
+  Planning planning(model, scenario, settings, progress, check, std::move(header));
+  planning.find_along(moves);
+  return planning.finish();
+}
 
-  PlanningResult result;
-  double writing = 0.0, checking = 0.0;  // s
-  const auto written = [&](const std::vector<Stretch>& stretches) -> std::string {
-    const Stopwatch write_time;
-    Plan plan = empty;
-    PlanWriter writer(model, scenario, clearance, used, plan);
-    try {
-      write_keyframes(writer, stretches);
-    } catch (const PlanningFailed& error) {
-      return error.what();
+PlanningResult plan_without_recording(const RobotModel& model, const Scenario& scenario,
+                                      const PlannerSettings& settings,
+                                      const PlanningProgress& progress, const PlanCheck& check) {
+  Plan header = plan_header(model, scenario, "none", false);
+  header.notes = {"no recording: contacts, their order and their places were searched for"};
+  Planning planning(model, scenario, settings, progress, check, std::move(header));
+  planning.find_freely();
+  return planning.finish();
+}
+
+std::vector<std::string> contact_order(const ContactSequence& sequence) {
+  std::vector<std::string> order;
+  std::set<std::string> seen;
+  for (const ContactState& state : sequence.states) {
+    std::string together;
+    for (const ContactReference& contact : state.obstacle) {
+      if (seen.insert(contact.link).second) {
+        together += (together.empty() ? "" : "+") + contact.link;
+      }
     }
-    writing += write_time.seconds();
-    const Stopwatch check_time;
-    const std::string why = check ? check(plan) : "";
-    checking += check_time.seconds();
-    if (why.empty()) {
-      result.plan = std::move(plan);
+    if (!together.empty()) {
+      order.push_back(together);
     }
-    return why;
-  };
-  const auto go_on = [&](const std::vector<Stretch>& climb) {
-    const Stopwatch goal_time;
-    GoalSearch goal(model, scenario, clearance, used,
-                    [&progress](const std::string& what) { progress(1.0, what); });
-    const std::vector<Stretch> stretches = goal.complete(climb);
-    result.stages.push_back({"after all fours", goal_time.seconds()});
-    const std::string why = written(stretches);
-    if (!why.empty()) {
-      throw PlanningFailed("after all fours: " + why);
-    }
-  };
-  const Stopwatch search_time;
-  const ClimbSearch search =
-      search_climb(model, scenario, clearance, used, start_configuration(model, scenario), moves,
-                   [&written](const SearchResult& found) { return written(found.stretches); },
-                   [&progress](int move, int of, const std::string& what) {
-                     progress(static_cast<double>(move) / std::max(of, 1), what);
-                   });
-  const double searched = search_time.seconds() - writing - checking;
-  result.stages = {{"reference optimisation", search.reference_share * searched},
-                   {"search", (1.0 - search.reference_share) * searched},
-                   {"timing and torques", writing},
-                   {"checks of plans found", checking}};
-  result.costs = search.costs;
-  result.rejected = search.rejected;
-  result.candidates = search.candidates;
-  result.backtracks = search.backtracks;
-  if (!search.best.success) {
-    throw PlanningFailed("no statically stable, torque-feasible climb of " + scenario.name +
-                             " found; the furthest attempt ended with: " + search.best.failure,
-                         std::make_shared<const PlanningLog>(result));
   }
-  if (scenario.goal != Goal::kAllFours) {
-    go_on(search.best.stretches);
+  return order;
+}
+
+std::vector<std::string> contact_order(const Plan& plan) {
+  std::vector<std::string> order;
+  const std::string load = "load ";
+  for (const Phase& phase : plan.phases) {
+    if (phase.name.rfind(load, 0) == 0) {
+      order.push_back(phase.name.substr(load.size()));
+    }
   }
-  progress(1.0, "done");
-  return result;
+  return order;
 }
 
 }  // namespace clamber

@@ -21,8 +21,8 @@ struct PlanningLog {
   std::vector<std::string> rejected;  ///< why each candidate that failed was given up
   std::size_t candidates = 0;
   std::size_t backtracks = 0;
-  /// Stages "reference optimisation", "search", "timing and torques", "checks of plans found": s of
-  /// wall time each.
+  /// Stages "reference optimisation", "search", "after all fours", "timing and torques", "checks of
+  /// plans found", those that there were: s of wall time each.
   std::vector<std::pair<std::string, double>> stages;
 };
 
@@ -50,5 +50,18 @@ using PlanCheck = std::function<std::string(const Plan&)>;
                                         const PlannerSettings& settings,
                                         const PlanningProgress& progress,
                                         const PlanCheck& check = nullptr);
+
+/// The same without a demonstration: which links touch where and in which order is searched for.
+/// @throws as plan_climb()
+[[nodiscard]] PlanningResult plan_without_recording(const RobotModel& model,
+                                                    const Scenario& scenario,
+                                                    const PlannerSettings& settings,
+                                                    const PlanningProgress& progress,
+                                                    const PlanCheck& check = nullptr);
+
+/// The links that land, in their order; those that land together joined by '+'.
+[[nodiscard]] std::vector<std::string> contact_order(const Plan& plan);
+/// The same of a recording: links on the obstacle, in the order of their first touches.
+[[nodiscard]] std::vector<std::string> contact_order(const ContactSequence& sequence);
 
 }  // namespace clamber

@@ -123,6 +123,14 @@ void read_keys(Section& section, SearchSettings& search) {
   section.positive("relief_from", search.relief_from);
   section.positive("relief_full", search.relief_full);
   section.positive("com_step", search.com_step);
+  section.count("touch_samples", search.touch_samples);
+  section.count("most_touch_postures", search.most_touch_postures);
+  section.count("most_way_nodes", search.most_way_nodes);
+  section.count("most_seeds", search.most_seeds);
+  section.count("seed", search.seed);
+  section.positive("step_margin", search.step_margin);
+  section.positive("step_length", search.step_length);
+  section.positive("step_turn", search.step_turn);
 }
 
 void read_keys(Section& section, TimingSettings& timing) {

@@ -73,7 +73,7 @@ std::string verdict(const ReportInput& input) {
   const Summary& s = input.summary;
   std::string out = "<h1 class=\"" + std::string(s.success ? "good" : "bad") + "\">" +
                     escape_markup(input.plan.robot.empty() ? "The robot" : input.plan.robot) +
-                    (s.success ? " climbed the " : " did not climb the ") +
+                    (s.success ? " is " : " is not ") + escape_markup(s.outcome) + " the " +
                     fixed(s.obstacle_height, 3) + " m obstacle</h1>\n";
   if (s.synthetic_recording || input.plan.synthetic_recording) {
     out +=
@@ -82,7 +82,7 @@ std::string verdict(const ReportInput& input) {
   }
   out += "<div class=\"figures\">\n";
   out += figure_box(list_names(s.judge.final_contacts), "on top of the obstacle at the end");
-  out += figure_box(list_names(s.judge.floor_contacts), "still on the floor");
+  out += figure_box(list_names(s.judge.floor_contacts), "on the floor at the end");
   out += figure_box(fixed(100.0 * s.judge.weight_on_obstacle, 1) + " %",
                     "of the weight on the obstacle");
   out += figure_box(list_names(s.judge.forbidden_contacts), "forbidden links in contact");

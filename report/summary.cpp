@@ -64,6 +64,7 @@ nlohmann::ordered_json to_json(const Summary& summary) {
                                {"forbidden_contacts", summary.judge.forbidden_contacts},
                                {"rest_speed", summary.judge.rest_speed}};
   json["obstacle_height_m"] = summary.obstacle_height;
+  json["outcome"] = summary.outcome;
   json["recording"] = summary.recording;
   json["peak_torque_nm"] = ordered_json{{"plan", peak_json(summary.peak_plan)},
                                         {"playback", peak_json(summary.peak_playback)}};
@@ -88,7 +89,7 @@ void print_summary(const Summary& summary, std::ostream& out) {
     out << "  " << std::left << std::setw(34) << name << value << '\n';
   };
   out << (summary.success ? "SUCCESS" : "FAILURE") << ": the robot "
-      << (summary.success ? "is" : "is not") << " on top of the "
+      << (summary.success ? "is " : "is not ") << summary.outcome << " the "
       << fixed(summary.obstacle_height, 3) << " m obstacle\n";
   row("final contacts", joined(summary.judge.final_contacts));
   row("floor contacts", joined(summary.judge.floor_contacts));

@@ -180,6 +180,20 @@ const char* to_string(Goal goal) {
   return "unknown";
 }
 
+const char* outcome(Goal goal) {
+  switch (goal) {
+    case Goal::kAllFours:
+      return "on top of";
+    case Goal::kStandOnTop:
+      return "standing on top of";
+    case Goal::kOver:
+      return "over";
+    case Goal::kBackDown:
+      return "down again from";
+  }
+  return "somewhere near";
+}
+
 Scenario parse_scenario(const std::string& text, const std::string& file) {
   Scenario scenario = read_scenario(YamlNode::parse(text, file));
   scenario.hash = sha256_hex(text);

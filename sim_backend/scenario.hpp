@@ -27,6 +27,8 @@ enum class Goal {
   kBackDown,    ///< climbs down again where it came up
 };
 [[nodiscard]] const char* to_string(Goal goal);
+/// Where the robot is with the goal reached: "on top of", "over" ... the obstacle.
+[[nodiscard]] const char* outcome(Goal goal);
 
 struct Scenario {
   std::string name;

@@ -57,12 +57,12 @@ std::vector<Configuration> blend(const Configuration& from, const Configuration&
 
 GoalSearch::GoalSearch(const RobotModel& model, const Scenario& scenario,
                        const Clearance& clearance, const PlannerSettings& settings,
-                       GraphSearch::Progress progress)
+                       Progress progress)
     : model_(model),
       scenario_(scenario),
       settings_(settings),
       transition_(model, scenario, clearance, settings),
-      graph_(model, transition_, progress),
+      graph_(model, transition_, [progress](const std::string& what) { progress(0.0, what); }),
       ways_(model, clearance, settings),
       progress_(std::move(progress)) {}
 
@@ -160,7 +160,7 @@ std::vector<Stretch> GoalSearch::stand_up(Node& node) {
     } catch (const PlanningFailed& failed) {
       failure = failed.what();
     }
-    progress_("rejected: " + failure);
+    progress_(0.0, "rejected: " + failure);
   }
   throw PlanningFailed("standing up on top: " + failure);
 }
@@ -206,7 +206,7 @@ std::vector<Stretch> GoalSearch::walk(Node& node, const std::vector<Touch>& to) 
       throw PlanningFailed("step " + std::to_string(k) + " of " + std::to_string(steps) +
                            " on top: " + rejection.why);
     }
-    progress_("step " + std::to_string(k) + " of " + std::to_string(steps));
+    progress_(share, "step " + std::to_string(k) + " of " + std::to_string(steps));
   }
   return stretches;
 }

@@ -14,8 +14,11 @@ struct Stance {
 
 class GoalSearch {
  public:
+  /// Share done, 0..1, and what was done.
+  using Progress = std::function<void(double share, const std::string& what)>;
+
   GoalSearch(const RobotModel& model, const Scenario& scenario, const Clearance& clearance,
-             const PlannerSettings& settings, GraphSearch::Progress progress);
+             const PlannerSettings& settings, Progress progress);
 
   /// The climb's stretches and what the scenario's goal asks for after them.
   ///
@@ -42,7 +45,7 @@ class GoalSearch {
   Transition transition_;
   GraphSearch graph_;
   WaySearch ways_;
-  GraphSearch::Progress progress_;
+  Progress progress_;
 };
 
 }  // namespace clamber

@@ -253,7 +253,7 @@ Rejection TouchSampler::judge(const Attempt& attempt, double margin, double& pea
 std::vector<TouchPosture> TouchSampler::sample(const TouchRequest& request) {
   std::vector<TouchPosture> found;
   failure_ = {"no posture tried", std::numeric_limits<double>::infinity()};
-  random_.seed(1);  // the result depends on the request alone
+  random_.seed(static_cast<std::mt19937::result_type>(settings_.search.seed));
   for (std::size_t start = 0; start < settings_.search.touch_samples &&
                               found.size() < settings_.search.most_touch_postures;
        ++start) {

@@ -163,7 +163,7 @@ JointVector WaySearch::target(const Configuration& from, const Configuration& to
 
 std::vector<Configuration> WaySearch::find(const Configuration& from, const Configuration& to,
                                            const WayRules& rules) {
-  random_.seed(1);  // the result depends on the arguments alone
+  random_.seed(static_cast<std::mt19937::result_type>(settings_.search.seed));
   Tree trees[2] = {Tree(1), Tree(1)};
   trees[0][0].x = from;
   trees[1][0].x = to;
