@@ -105,13 +105,22 @@ std::vector<ContactChange> changes_towards(const RobotModel& model, const Contac
   return changes;
 }
 
+void GraphSearch::reject(const std::string& why, std::size_t left) {
+  progress_("rejected: " + why);
+  if (left < nearest_) {
+    nearest_ = left;
+    failure_ = why;
+  }
+}
+
 bool GraphSearch::descend(const std::vector<Touch>& goal, const JointVector& attractor, Node& node,
                           std::vector<Stretch>& stretches) {
   const std::vector<ContactChange> changes = changes_towards(model_, node.contacts, goal);
   if (changes.empty()) {
     return true;
   }
-  if (!visited_.insert(links_of(node.contacts)).second) {
+  constexpr std::size_t kPostures = 3;
+  if (++visits_[links_of(node.contacts)] > kPostures) {
     return false;
   }
   std::vector<int> different;
@@ -119,22 +128,20 @@ bool GraphSearch::descend(const std::vector<Touch>& goal, const JointVector& att
   std::set_symmetric_difference(held.begin(), held.end(), wanted.begin(), wanted.end(),
                                 std::back_inserter(different));
   for (const ContactChange& change : changes) {
-    Node to = node;
-    std::vector<Stretch> made;
-    const Rejection rejection = transition_.make(change, attractor, to, made);
-    if (!rejection.why.empty()) {
-      progress_("rejected: " + rejection.why);
-      if (different.size() < nearest_) {
-        nearest_ = different.size();
-        failure_ = rejection.why;
+    for (std::size_t skip = 0; skip < kPostures; ++skip) {
+      Node to = node;
+      std::vector<Stretch> made;
+      const Rejection rejection = transition_.make(change, attractor, to, made, skip);
+      if (!rejection.why.empty()) {
+        reject(rejection.why, different.size());
+        break;
       }
-      continue;
-    }
-    progress_(made.back().name);
-    if (descend(goal, attractor, to, made)) {
-      stretches.insert(stretches.end(), made.begin(), made.end());
-      node = to;
-      return true;
+      progress_(made.back().name);
+      if (descend(goal, attractor, to, made)) {
+        stretches.insert(stretches.end(), made.begin(), made.end());
+        node = to;
+        return true;
+      }
     }
   }
   return false;
@@ -142,7 +149,7 @@ bool GraphSearch::descend(const std::vector<Touch>& goal, const JointVector& att
 
 std::vector<Stretch> GraphSearch::find(const std::vector<Touch>& goal, const JointVector& attractor,
                                        Node& node) {
-  visited_.clear();
+  visits_.clear();
   nearest_ = std::numeric_limits<std::size_t>::max();
   failure_.clear();
   std::vector<Stretch> stretches;

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <set>
 
 #include "planner_offline/search/transition.hpp"
@@ -25,20 +26,21 @@ class GraphSearch {
   GraphSearch(const RobotModel& model, Transition& transition, Progress progress)
       : model_(model), transition_(transition), progress_(std::move(progress)) {}
 
-  /// Depth first from `node`, which moves to the end; every contact set is tried once.
+  /// Depth first from `node`, which moves to the end; every contact set is tried from a few postures.
   /// @return the stretches; empty when it is there already
   /// @throws PlanningFailed with the change that got nearest
   [[nodiscard]] std::vector<Stretch> find(const std::vector<Touch>& goal,
                                           const JointVector& attractor, Node& node);
 
  private:
+  void reject(const std::string& why, std::size_t left);
   [[nodiscard]] bool descend(const std::vector<Touch>& goal, const JointVector& attractor,
                              Node& node, std::vector<Stretch>& stretches);
 
   const RobotModel& model_;
   Transition& transition_;
   Progress progress_;
-  std::set<std::set<int>> visited_;
+  std::map<std::set<int>, std::size_t> visits_;
   std::size_t nearest_ = 0;  // contacts still to change at `failure_`
   std::string failure_;
 };

@@ -141,6 +141,9 @@ Eigen::MatrixXd spline_accelerations(const Eigen::MatrixXd& rows, double h) {
 /// centre of mass has: a limb that swings tips a robot on one sole more than its weight says.
 bool tips(const RobotModel& model, const ContactSet& contacts,
           const std::vector<TimedPosture>& timed) {
+  if (contacts.empty()) {
+    return false;  // nothing to tip over
+  }
   constexpr double kKept = 0.4;
   const auto bodies = static_cast<Eigen::Index>(model.bodies.size());
   Eigen::MatrixXd places(static_cast<Eigen::Index>(timed.size()), 3 * bodies);

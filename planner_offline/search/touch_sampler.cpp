@@ -131,24 +131,29 @@ void TouchSampler::relax(Attempt& attempt) {
   }
 }
 
-/// Touches without a place get the one that is nearest to where their link happens to be.
-void TouchSampler::settle_places(Attempt& attempt) {
+/// A sole without a place gets the one that is nearest to where it happens to be.
+void TouchSampler::settle_soles(Attempt& attempt) {
   for (Touch& touch : attempt.touches) {
-    if (touch.position) {
+    const ContactLink& link = model_.contacts[static_cast<std::size_t>(touch.link)];
+    if (touch.position || !link.is_patch) {
       continue;
     }
-    const ContactLink& link = model_.contacts[static_cast<std::size_t>(touch.link)];
-    double reach = 0.0;  // of a sole beyond its middle
     const Eigen::Vector3d at = touch_point(model_, attempt.data, touch.link);
+    double reach = 0.0;  // of a sole beyond its middle
     for (const Eigen::Vector3d& point : link.points) {
-      const Eigen::Vector3d corner =
-          attempt.data.X_WB[static_cast<std::size_t>(link.body)] * point;
-      reach = std::max(reach, link.is_patch ? (corner - at).norm() : 0.0);
+      const Pose& X_WB = attempt.data.X_WB[static_cast<std::size_t>(link.body)];
+      reach = std::max(reach, (X_WB * point - at).norm());
     }
     touch.position = inside_surface(scenario_, touch.surface, at,
                                     settings_.references.surface_margin + reach);
     touch.heading = heading_of(attempt.x.X_WB.R);
   }
+}
+
+/// Where a point contact is to touch: its place, or straight below where it is, inside the edges.
+Eigen::Vector3d TouchSampler::place(const Touch& touch, const Eigen::Vector3d& at) const {
+  return touch.position.value_or(
+      inside_surface(scenario_, touch.surface, at, settings_.references.surface_margin));
 }
 
 Task TouchSampler::reach_task(const Attempt& attempt) const {
@@ -163,7 +168,7 @@ Task TouchSampler::reach_task(const Attempt& attempt) const {
     } else {
       const Eigen::Vector3d at = touch_point(model_, attempt.data, touch.link);
       reach = reach + point_task(model_, attempt.data, link.body, at,
-                                 shortened(*touch.position - at, settings_.ik.base_step));
+                                 shortened(place(touch, at) - at, settings_.ik.base_step));
     }
   }
   return reach;
@@ -198,7 +203,7 @@ double TouchSampler::reach_error(const Attempt& attempt) const {
     const ContactLink& link = model_.contacts[static_cast<std::size_t>(touch.link)];
     if (!link.is_patch) {
       const Eigen::Vector3d at = touch_point(model_, attempt.data, touch.link);
-      error = std::max(error, (*touch.position - at).norm());
+      error = std::max(error, (place(touch, at) - at).norm());
       continue;
     }
     const Pose wanted = sole_pose(model_, touch);
@@ -275,7 +280,7 @@ std::vector<TouchPosture> TouchSampler::sample(const TouchRequest& request) {
     if (start > 0) {
       relax(attempt);
     }
-    settle_places(attempt);
+    settle_soles(attempt);
     reach(attempt, request.support_margin);
     TouchPosture posture;
     const Rejection rejection = judge(attempt, request.support_margin, posture.peak_torque);
@@ -287,6 +292,9 @@ std::vector<TouchPosture> TouchSampler::sample(const TouchRequest& request) {
     }
     posture.x = attempt.x;
     posture.touches = attempt.touches;
+    for (Touch& touch : posture.touches) {
+      touch.position = place(touch, touch_point(model_, attempt.data, touch.link));
+    }
     posture.distance = (attempt.x.q - request.near).cwiseAbs().maxCoeff();
     found.push_back(std::move(posture));
   }

@@ -55,7 +55,8 @@ class TouchSampler {
   struct Attempt;
   [[nodiscard]] JointVector hint_for(const TouchRequest& request, std::size_t start);
   void relax(Attempt& attempt);
-  void settle_places(Attempt& attempt);
+  void settle_soles(Attempt& attempt);
+  [[nodiscard]] Eigen::Vector3d place(const Touch& touch, const Eigen::Vector3d& at) const;
   void reach(Attempt& attempt, double margin);
   [[nodiscard]] Task reach_task(const Attempt& attempt) const;
   [[nodiscard]] bool advance(Attempt& attempt, const TaskStack& stack, bool collisions);

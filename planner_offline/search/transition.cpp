@@ -197,7 +197,7 @@ Rejection Transition::reach(const ContactChange& change, const TouchPosture& pos
 }
 
 Rejection Transition::make(const ContactChange& change, const JointVector& attractor, Node& node,
-                           std::vector<Stretch>& stretches) {
+                           std::vector<Stretch>& stretches, std::size_t skip) {
   TouchRequest request;
   request.start = node.x;
   request.supports = without(node.contacts, change.lifts);
@@ -219,14 +219,15 @@ Rejection Transition::make(const ContactChange& change, const JointVector& attra
       Node to = node;
       std::vector<Stretch> made;
       rejection = reach(change, posture, margin, to, made);
-      if (rejection.why.empty()) {
+      if (rejection.why.empty() && skip-- == 0) {
         node = to;
         stretches.insert(stretches.end(), made.begin(), made.end());
         return {};
       }
     }
   }
-  return rejection;
+  return rejection.why.empty() ? Rejection{"no other way of making the change", kNominalShortfall}
+                               : rejection;
 }
 
 }  // namespace clamber

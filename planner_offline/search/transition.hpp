@@ -24,9 +24,10 @@ class Transition {
   /// Makes the change from `node`: appends the stretches it takes and moves `node` to their end.
   /// Touching postures come from the sampler; the cheapest that can be reached is taken.
   /// @param attractor  posture the robot is drawn to where contacts leave it free, rad
+  /// @param skip  so many ways of making the change are passed over: they led nowhere
   /// @return why it cannot be made: nothing is appended then and `node` stays
   [[nodiscard]] Rejection make(const ContactChange& change, const JointVector& attractor,
-                               Node& node, std::vector<Stretch>& stretches);
+                               Node& node, std::vector<Stretch>& stretches, std::size_t skip = 0);
 
  private:
   [[nodiscard]] Rejection reach(const ContactChange& change, const TouchPosture& posture,

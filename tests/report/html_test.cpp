@@ -75,7 +75,7 @@ void expect_self_contained(std::string html) {
 TEST(ReportHtml, SaysWhatHappened) {
   const std::string html = report_html(made_input(), no_pictures());
   for (const char* text :
-       {"climbed the 0.275 m obstacle", "SYNTHETIC demonstration", "Lwrist, Rwrist", "s &gt; 0",
+       {"is on top of the 0.275 m obstacle", "SYNTHETIC demonstration", "Lwrist, Rwrist", "s &gt; 0",
         "s = 0", "under 5 min", "15 min", "13.75 s", "elbow contacts are missing &amp; were added",
         "frames published", "no EGL surfaceless display", "demo &lt;table&gt;.mvnx"}) {
     EXPECT_THAT(html, HasSubstr(text));
@@ -89,7 +89,7 @@ TEST(ReportHtml, TellsFailureAndRealRecording) {
   input.plan.synthetic_recording = false;
   input.playback.reset();
   const std::string html = report_html(input, no_pictures());
-  EXPECT_THAT(html, HasSubstr("did not climb the 0.275 m obstacle"));
+  EXPECT_THAT(html, HasSubstr("is not on top of the 0.275 m obstacle"));
   EXPECT_THAT(html, HasSubstr("The playback was not run"));
   EXPECT_THAT(html, Not(HasSubstr("SYNTHETIC")));
 }

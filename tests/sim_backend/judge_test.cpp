@@ -14,7 +14,7 @@ using testing::UnorderedElementsAre;
 class Judge : public testing::Test {
  protected:
   const RobotModel model = test::coman();
-  const Scenario scenario = test::box_scenario();
+  Scenario scenario = test::box_scenario();
   const double weight = model.total_mass * kGravity;
   VelocityVector rest = VelocityVector::Zero(model.velocity_count());
 
@@ -59,6 +59,47 @@ TEST_F(Judge, AllFoursOnTopSucceeds) {
   EXPECT_NEAR(verdict.weight_on_obstacle, 1.0, 1e-9);
   EXPECT_EQ(verdict.rest_speed, 0.0);
   EXPECT_NEAR(verdict.observed, 2.0, 1e-9);
+}
+
+TEST_F(Judge, StandingOnTopIsOnSolesAlone) {
+  scenario.goal = Goal::kStandOnTop;
+  const std::vector<ContactObservation> soles = {on_box("l_sole", 0.5 * weight),
+                                                 on_box("r_sole", 0.5 * weight)};
+  EXPECT_TRUE(judge(soles).success);
+  EXPECT_FALSE(judge(all_fours()).success);
+  std::vector<ContactObservation> leaning = soles;
+  leaning.push_back(on_box("l_wrist", 5.0));
+  EXPECT_THAT(judge(leaning).unwanted_contacts, testing::SizeIs(1));
+  EXPECT_FALSE(judge(leaning).success);
+  EXPECT_FALSE(judge({soles.front()}).success);
+}
+
+TEST_F(Judge, OverAndBackDownAreOnTheirSideAfterHavingBeenOnTop) {
+  const auto standing_at = [this](double x) {
+    std::vector<ContactObservation> soles = {on_floor("l_sole", 0.5 * weight),
+                                             on_floor("r_sole", 0.5 * weight)};
+    for (ContactObservation& contact : soles) contact.position.x() = x;
+    return soles;
+  };
+  const auto run = [this](const std::vector<ContactObservation>& first,
+                          const std::vector<ContactObservation>& then) {
+    ClimbJudge judge(model, scenario);
+    for (int k = 0; k < 200; ++k) judge.push(0.005 * k, first, rest);
+    for (int k = 200; k < 800; ++k) judge.push(0.005 * k, then, rest);
+    return judge.verdict();
+  };
+  const double far = 2.0 * scenario.obstacles[0].half_extents.x() + 0.2, near = -0.2;
+  scenario.goal = Goal::kOver;
+  EXPECT_TRUE(run(all_fours(), standing_at(far)).success);
+  EXPECT_FALSE(run(all_fours(), standing_at(near)).success);
+  EXPECT_FALSE(run(standing_at(near), standing_at(far)).success) << "walked around it";
+  EXPECT_FALSE(run(all_fours(), all_fours()).success);
+  std::vector<ContactObservation> touching = standing_at(far);
+  touching.push_back(on_box("l_wrist", 5.0));
+  EXPECT_FALSE(run(all_fours(), touching).success);
+  scenario.goal = Goal::kBackDown;
+  EXPECT_TRUE(run(all_fours(), standing_at(near)).success);
+  EXPECT_FALSE(run(all_fours(), standing_at(far)).success);
 }
 
 TEST_F(Judge, BellyFlopFails) {

@@ -50,6 +50,22 @@ TEST(Scenario, ReadsEveryKey) {
   EXPECT_EQ(scenario.hash.size(), 64u);
 }
 
+TEST(Scenario, AGoalIsAWordOrAMap) {
+  std::string text = kGood;
+  const std::size_t from = text.find("goal:"), to = text.find("contacts:");
+  const std::size_t end = text.find('\n', to);
+  text.replace(from, end - from, "goal: over");
+  const Scenario scenario = parse_scenario(text, "over.yaml");
+  EXPECT_EQ(scenario.goal, Goal::kOver);
+  const RobotModel model = load_robot(source("configs/robots/coman/robot.yaml"));
+  EXPECT_THAT(all_fours_contacts(model, scenario),
+              testing::UnorderedElementsAre("Lwrist", "Rwrist", "Lelb", "Relb", "Lknee", "Rknee"));
+  const Scenario other = with_goal(scenario, Goal::kBackDown);
+  EXPECT_EQ(other.goal, Goal::kBackDown);
+  EXPECT_NE(other.hash, scenario.hash);
+  EXPECT_EQ(with_goal(scenario, Goal::kOver).hash, scenario.hash);
+}
+
 TEST(Scenario, ShippedFilesDifferInHeightOnly) {
   for (const double height : {0.20, 0.275, 0.35}) {
     const std::string number = height == 0.275 ? "0.275" : height == 0.20 ? "0.20" : "0.35";
@@ -61,7 +77,7 @@ TEST(Scenario, ShippedFilesDifferInHeightOnly) {
     EXPECT_GE(2.0 * box.half_extents.x(), 0.8);
     EXPECT_DOUBLE_EQ(2.0 * box.half_extents.y(), 1.0);
     EXPECT_EQ(scenario.friction, 0.8);
-    EXPECT_EQ(scenario.goal, "all_fours");
+    EXPECT_EQ(scenario.goal, Goal::kAllFours);
     EXPECT_THAT(scenario.goal_contacts,
                 testing::ElementsAre("Lwrist", "Rwrist", "Lelb", "Relb", "Lknee", "Rknee"));
   }
