@@ -1,13 +1,11 @@
 // clamber bus: what a CAN bus carries, planned and recorded.
-#include <unistd.h>
-
 #include <algorithm>
 #include <array>
 #include <cstdio>
-#include <cstdlib>
 #include <iostream>
 #include <memory>
 
+#include "apps/bus_live.hpp"
 #include "apps/commands.hpp"
 #include "apps/config_files.hpp"
 #include "apps/job_failed.hpp"
@@ -115,9 +113,7 @@ const char* color_of(FrameKind kind) {
 class LogDecoder {
  public:
   LogDecoder(const DecodeOptions& options, const BusMap& map)
-      : options_(options), map_(map), color_(isatty(STDOUT_FILENO) == 1) {
-    if (const char* off = std::getenv("NO_COLOR"); off != nullptr && *off != '\0') color_ = false;
-  }
+      : options_(options), map_(map), color_(use_color()) {}
 
   void decode() {
     const std::string text = read_file(options_.log);
@@ -212,9 +208,12 @@ void add_decode(CLI::App& bus) {
 }  // namespace
 
 void add_bus_command(CLI::App& app) {
-  CLI::App* bus = app.add_subcommand("bus", "Looks at CAN buses: planned load, recorded frames");
+  CLI::App* bus = app.add_subcommand(
+      "bus", "Looks at CAN buses: planned load, who answers, live traffic, recorded frames");
   bus->require_subcommand(1);
   add_budget(*bus);
+  add_bus_scan(*bus);
+  add_bus_monitor(*bus);
   add_decode(*bus);
 }
 

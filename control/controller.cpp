@@ -237,21 +237,20 @@ void Controller::command(std::span<const JointState> states,
     }
     const double tau_ff = config_.feed_forward == FeedForward::kPlan ? r.tau : 0.0;
     const double tau = pid_[j].update(r.q, states[j].q, states[j].dq, tau_ff);
+    if (!watch_[j].unchanged()) rest_torque_[j] = pid_[j].resting();
     commands[j] = {.q = r.q, .dq = r.dq, .kp = 0.0, .kd = 0.0, .tau = tau};
   }
 }
 
 /// For a joint whose state is missing the drive, which knows it, closes the loop that the host
 /// cannot (drives without gains of their own get the law of the last state, which is the last
-/// torque). Over an encoder that cannot be right nobody closes one: the last steady torque.
+/// torque). Over an encoder that cannot be right nobody closes one: the torque that it rested on.
 JointCommand Controller::command_blind(std::size_t joint) const noexcept {
   if (!begun_) return {};
-  JointCommand blind{.q = reference_[joint].q, .tau = pid_[joint].steady()};
-  if (trust_[joint] == JointTrust::kMissing) {
-    blind.kp = config_.joints[joint].gains.kp;
-    blind.kd = config_.joints[joint].gains.kd;
-  }
-  return blind;
+  if (trust_[joint] == JointTrust::kUnbelievable)
+    return {.q = reference_[joint].q, .tau = rest_torque_[joint]};
+  const PidGains& gains = config_.joints[joint].gains;
+  return {.q = reference_[joint].q, .kp = gains.kp, .kd = gains.kd, .tau = pid_[joint].steady()};
 }
 
 void Controller::report(std::span<const JointState> states, std::span<const JointCommand> commands,

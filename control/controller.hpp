@@ -46,9 +46,9 @@ struct ControllerConfig {
   double velocity_factor = 1.0;       ///< refuse a plan faster than this share of the limits
   bool accept_uncertified = false;    ///< see PlanRequirements; no settings file can set it
   std::uint32_t stale_ticks_limit =
-      5;                       ///< consecutive ticks of a joint without a usable state: fault
-  double jump_limit = 0.05;    ///< rad in a tick beyond the joint's velocity limit: not believed
-  double frozen_limit = 0.05;  ///< rad of reference while a joint reads the same to the bit: ditto
+      5;                        ///< consecutive ticks of a joint without a usable state: fault
+  double jump_limit = 0.05;     ///< rad in a tick beyond the joint's velocity limit: not believed
+  double frozen_limit = 0.005;  ///< rad of reference while a joint reads the same to the bit: ditto
 };
 
 /// Why a plan was not accepted.
@@ -154,6 +154,7 @@ class Controller {
   std::array<double, kMaxJoints> start_q_{};  ///< measured at the first tick, rad
   std::array<Reference, kMaxJoints> reference_{};
   std::array<JointWatch, kMaxJoints> watch_{};
+  std::array<double, kMaxJoints> rest_torque_{};        ///< N m, with the last reading that was new
   std::array<JointTrust, kMaxJoints> trust_{};          ///< in this tick's states
   std::array<std::uint32_t, kMaxJoints> lost_ticks_{};  ///< consecutive ones without a usable state
   double start_duration_ = 0.0;                         ///< s

@@ -45,8 +45,10 @@ class JointWatch {
     // The last believable position stays the measure: an encoder that has lost count does not come
     // to be believed by waiting.
     if (known_ && std::abs(state.q - last_.q) > reach) return JointTrust::kUnbelievable;
+    if (std::abs(state.dq) > limits_.fastest + limits_.jump / dt_) return JointTrust::kUnbelievable;
     const bool same =
         known_ && state.q == last_.q && state.dq == last_.dq && state.tau == last_.tau;
+    unchanged_ = same;
     if (!same) reference_ = reference;
     known_ = true;
     missed_ = 0;
@@ -55,6 +57,9 @@ class JointWatch {
                                                              : JointTrust::kGood;
   }
 
+  /// The last state was the one before it, to the bit.
+  [[nodiscard]] bool unchanged() const noexcept { return unchanged_; }
+
  private:
   JointWatchLimits limits_;
   double dt_ = 0.0;
@@ -62,6 +67,7 @@ class JointWatch {
   double reference_ = 0.0;  ///< rad, when the reading last changed
   double missed_ = 0.0;     ///< ticks since the last fresh state
   bool known_ = false;
+  bool unchanged_ = false;
 };
 
 }  // namespace clamber

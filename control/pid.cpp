@@ -40,7 +40,9 @@ double JointPid::update(double q_ref, double q, double dq, double tau_ff) noexce
   output_ = std::clamp(wanted, low, high);
   const bool winds_up = (wanted > high && error > 0.0) || (wanted < low && error < 0.0);
   if (!winds_up) integral_ = std::clamp(integral_ + step, -limits_.torque, limits_.torque);
-  steady_ = std::clamp(tau_ff + integral_ + transfer_, -limits_.torque, limits_.torque);
+  const double steady = tau_ff + integral_ + transfer_;
+  steady_ = std::clamp(steady, -limits_.torque, limits_.torque);
+  resting_ = std::clamp(steady + gains_.kp * error, -limits_.torque, limits_.torque);
   transfer_ *= transfer_decay_;
   return output_;
 }

@@ -49,6 +49,9 @@ class JointPid {
   [[nodiscard]] double update(double q_ref, double q, double dq, double tau_ff) noexcept;
 
   [[nodiscard]] double output() const noexcept { return output_; }
+  /// The last output without its answer to the rate, within the torque limit: what keeps the joint
+  /// where it was.
+  [[nodiscard]] double resting() const noexcept { return resting_; }
   /// What of the last output came neither from the error nor from the rate, within the torque
   /// limit.
   [[nodiscard]] double steady() const noexcept { return steady_; }
@@ -65,6 +68,7 @@ class JointPid {
   double transfer_ = 0.0;        ///< N m
   double output_ = 0.0;          ///< N m
   double steady_ = 0.0;          ///< N m
+  double resting_ = 0.0;         ///< N m
   bool rebase_ = false;
 };
 

@@ -12,8 +12,12 @@ constexpr std::int64_t kOfferAgain = 100'000;           // ns, where an interfac
 constexpr std::int64_t kGreetingInterval = 50'000'000;  // ns
 
 // Ticks in a row in which all joints must be read before they are switched on: a lucky one is not
-// enough, and drives with an old error have time to be told to forget it.
+// enough, and drives with an old error have time to be told to forget it. A machine that is busy
+// for some ticks must not keep a robot off for ever.
 constexpr int kReadTicks = 5;
+constexpr std::uint32_t kOldestRead = 3;  // ticks
+
+constexpr std::ptrdiff_t index(std::size_t i) noexcept { return static_cast<std::ptrdiff_t>(i); }
 
 constexpr std::int64_t nanoseconds(double seconds) noexcept {
   return static_cast<std::int64_t>(seconds * 1e9);
@@ -132,7 +136,6 @@ std::size_t CanMotorBus::receive(Segment& segment, bool late) noexcept {
       std::uint32_t number = 0;
       if (settings_.lock_step && decode_lock_step(received.frame, number) != LockStepMark::kNone) {
         segment.done = number;
-        greeted_ = true;
         continue;
       }
       if (settings_.observer != nullptr)
@@ -222,32 +225,42 @@ BusStatus CanMotorBus::enable() noexcept {
   return BusStatus::kDown;
 }
 
+/// Whatever else comes meanwhile is of before the first tick and depends on who was started first:
+/// it is not looked at.
 bool CanMotorBus::greet_partner() noexcept {
   if (!settings_.lock_step) return true;
   const CanFrame greeting = encode_lock_step(LockStepMark::kSent, 0);
-  const std::int64_t start = clock_.now_ns();
-  const std::int64_t until = start + nanoseconds(settings_.partner_patience);
+  const std::int64_t until = clock_.now_ns() + nanoseconds(settings_.partner_patience);
   std::array<bool, kMaxBuses> greeted{};
-  for (std::int64_t now = start; now < until; now = clock_.now_ns()) {
-    for (Segment& segment : segments())
-      if (!greeted[index_of(segment)]) (void)segment.port->send({&greeting, 1});
-    const std::int64_t again = now + kGreetingInterval;
-    while (clock_.now_ns() < again) {
-      clock_.wait(again);
-      bool all = true;
-      for (Segment& segment : segments()) {
-        greeted_ = false;
-        (void)receive(segment, true);
-        bool& known = greeted[index_of(segment)];
-        known = known || greeted_;
-        all = all && known;
-        if (!known) trouble_.bus = index_of(segment);
-      }
-      if (all) return true;
+  std::int64_t next = 0;
+  while (clock_.now_ns() < until) {
+    if (clock_.now_ns() >= next) {
+      next = clock_.now_ns() + kGreetingInterval;
+      for (Segment& segment : segments())
+        if (!greeted[index_of(segment)]) (void)segment.port->send({&greeting, 1});
     }
+    clock_.wait(next);
+    for (Segment& segment : segments())
+      greeted[index_of(segment)] |= answers_greeting(*segment.port);
+    const auto silent = std::find(greeted.begin(), greeted.begin() + index(count_), false);
+    if (silent == greeted.begin() + index(count_)) return true;
+    trouble_.bus = static_cast<std::size_t>(silent - greeted.begin());
   }
   trouble_.what = BusTrouble::kNoPartner;
   return false;
+}
+
+bool CanMotorBus::answers_greeting(FramePort& port) noexcept {
+  bool answered = false;
+  std::size_t count = inbox_.size();
+  while (count == inbox_.size()) {
+    count = port.receive(inbox_);
+    for (const ReceivedFrame& received : std::span(inbox_).first(count)) {
+      std::uint32_t number = 1;
+      answered |= decode_lock_step(received.frame, number) == LockStepMark::kDone && number == 0;
+    }
+  }
+  return answered;
 }
 
 bool CanMotorBus::read_all_joints() noexcept {
@@ -259,8 +272,9 @@ bool CanMotorBus::read_all_joints() noexcept {
     for (Segment& segment : segments())
       for (std::size_t d = 0; d < segment.host->size(); ++d) {
         const int joint = segment.host->joint(d);
-        const bool read = segment.host->status(d).phase == LinkPhase::kOff &&
-                          (states_[static_cast<std::size_t>(joint)].flags & kJointStale) == 0;
+        const JointState& state = states_[static_cast<std::size_t>(joint)];
+        const bool read = segment.host->status(d).phase == LinkPhase::kOff && state.sequence > 0 &&
+                          state.age <= kOldestRead;
         if (all && !read)
           trouble_ = {BusTrouble::kJointSilent, index_of(segment), joint, segment.host->status(d)};
         all = all && read;
@@ -278,7 +292,7 @@ bool CanMotorBus::enable_all() noexcept {
   for (std::uint64_t i = ticks(settings_.start_patience); i > 0; --i) {
     hold_position();
     if (own_tick() == BusStatus::kDown || find_fault()) return false;
-    if (std::all_of(segments_.begin(), segments_.begin() + static_cast<std::ptrdiff_t>(count_),
+    if (std::all_of(segments_.begin(), segments_.begin() + index(count_),
                     [](const Segment& segment) { return segment.host->all_on(); }))
       return true;
   }

@@ -128,6 +128,7 @@ class CanMotorBus final : public MotorBus {
   void wait_for_replies(std::int64_t deadline_ns) noexcept;
   [[nodiscard]] bool wait_for_partner() noexcept;
   [[nodiscard]] bool greet_partner() noexcept;
+  [[nodiscard]] bool answers_greeting(FramePort& port) noexcept;
   [[nodiscard]] bool read_all_joints() noexcept;
   [[nodiscard]] bool enable_all() noexcept;
   [[nodiscard]] bool find_fault() noexcept;
@@ -143,9 +144,8 @@ class CanMotorBus final : public MotorBus {
   std::array<Segment, kMaxBuses> segments_{};
   std::size_t count_ = 0;
   HostGoal goal_ = HostGoal::kOff;
-  bool active_ = false;   ///< between enable() and disable()
-  bool greeted_ = false;  ///< lock step
-  bool fresh_ = false;    ///< the next exchange() is the first
+  bool active_ = false;  ///< between enable() and disable()
+  bool fresh_ = false;   ///< the next exchange() is the first
   std::uint32_t tick_ = 0;
   std::int64_t period_ns_;
   std::int64_t tick_start_ = 0;

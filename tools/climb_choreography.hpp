@@ -1,4 +1,5 @@
-// The made-up climb: a person gets onto a table with wrists, elbows, left knee, right knee.
+// The made-up climb: a person gets onto a table with wrists, elbows, left knee, right knee, or in
+// another way.
 // Tools only; allocates; never blocks.
 #pragma once
 
@@ -11,9 +12,18 @@
 
 namespace clamber::tools {
 
+enum class ClimbStyle {
+  kAllFours,   ///< wrists, elbows, one knee, the other: the paper's
+  kHandsOnly,  ///< the same without elbows
+  kBearCrawl,  ///< wrists, one foot, the other: no knees
+  kFeetFirst,  ///< one foot, wrists, the other foot
+};
+
 struct ClimbParameters {
   double body_height = 1.75;   ///< m
   double table_height = 0.35;  ///< m
+  ClimbStyle style = ClimbStyle::kAllFours;
+  bool right_first = false;  ///< the right leg goes up before the left: all of it mirrored
 };
 
 /// Poses over time. World: x = 0 is the table's front edge, the table lies at x > 0, z up from the
@@ -29,6 +39,15 @@ class ClimbChoreography {
   static constexpr double kRightLift = 15.4;
   static constexpr double kRightKneeContact = 18.2;
   static constexpr double kDuration = 22.0;
+  /// When what moves. Legs: index 0 the second one to go up (the right), 1 the first.
+  struct Schedule {
+    double arm_start = 1.0;  ///< s, arms and trunk leave the standing pose
+    double wrist = kWristContact;
+    double elbow_start = 5.2;      ///< s, the elbows begin to come down
+    double elbow = kElbowContact;  ///< infinite: never
+    std::array<double, 2> lift{kRightLift, kLeftLift};
+    std::array<double, 2> land{kRightKneeContact, kLeftKneeContact};
+  };
 
   /// @throws std::invalid_argument when the person cannot reach a key pose
   explicit ClimbChoreography(const ClimbParameters& parameters);
@@ -43,6 +62,7 @@ class ClimbChoreography {
  private:
   struct SideTargets {
     Eigen::Vector3d wrist, elbow, knee, ankle;  ///< where they touch (joint centres), m
+    Eigen::Vector3d ankle_on_top;
   };
   /// The arm at the wrist's first contact, relative to the chest.
   struct ArmContact {
@@ -60,6 +80,10 @@ class ClimbChoreography {
 
   void place_targets();
   void plan_trunk();
+  void plan_kneeling_trunk();
+  void plan_stepping_trunk();
+  void add_key(double t0, double t1, const Trunk& wish);
+  [[nodiscard]] bool lands_on_feet() const;
   [[nodiscard]] Trunk settle(const Trunk& wish, double time) const;
   [[nodiscard]] Figure trunk_figure(const Trunk& trunk) const;
   [[nodiscard]] Trunk settle_key(const Trunk& wish, double time) const;
@@ -70,13 +94,15 @@ class ClimbChoreography {
   void pose_arm(std::size_t side, double time, Figure& figure) const;
   void pose_leg(std::size_t side, double time, Figure& figure) const;
   void arm_on_wrist(std::size_t side, const Eigen::Vector3d& hint, Figure& figure) const;
-  void leg_on_foot(std::size_t side, Figure& figure) const;
+  void leg_on_foot(std::size_t side, const Eigen::Vector3d& ankle, Figure& figure) const;
+  void step_in_swing(std::size_t side, double share, Figure& figure) const;
   void leg_on_knee(std::size_t side, Figure& figure) const;
   void leg_in_swing(std::size_t side, double share, Figure& figure) const;
   [[nodiscard]] Trunk trunk_at(double time) const;
   [[nodiscard]] Eigen::Vector3d landing_elbow_hint(std::size_t side) const;
 
   ClimbParameters parameters_;
+  Schedule schedule_;
   Skeleton skeleton_;
   std::array<SideTargets, 2> targets_;
   std::vector<std::pair<double, Trunk>> keys_;

@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <exception>
 #include <fstream>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -18,16 +19,26 @@ std::string metres_text(double metres) {
   return text;
 }
 
+/// Nothing for the shipped demonstration.
+std::string way_text(const clamber::tools::ClimbParameters& parameters) {
+  using clamber::tools::ClimbStyle;
+  std::string text;
+  if (parameters.style == ClimbStyle::kHandsOnly) text = ", without elbows";
+  if (parameters.style == ClimbStyle::kBearCrawl) text = ", on hands and feet";
+  if (parameters.style == ClimbStyle::kFeetFirst) text = ", one foot first";
+  return text + (parameters.right_first ? ", right leg first" : "");
+}
+
 int run(const std::string& file, const clamber::tools::ClimbParameters& parameters, int rate) {
   using clamber::tools::ClimbChoreography;
   const ClimbChoreography climb(parameters);
   std::vector<clamber::tools::Figure> figures;
   const int last = static_cast<int>(ClimbChoreography::kDuration * rate);
   for (int i = 0; i <= last; ++i) figures.push_back(climb.at(static_cast<double>(i) / rate));
-  const std::string text =
-      clamber::tools::write_mvnx(climb.skeleton(), figures, rate,
-                                 "a " + metres_text(parameters.body_height) + " person climbs a " +
-                                     metres_text(parameters.table_height) + " table");
+  const std::string text = clamber::tools::write_mvnx(
+      climb.skeleton(), figures, rate,
+      "a " + metres_text(parameters.body_height) + " person climbs a " +
+          metres_text(parameters.table_height) + " table" + way_text(parameters));
   std::ofstream out(file, std::ios::binary);
   out << text;
   out.close();
@@ -56,6 +67,17 @@ int main(int argc, char** argv) {
   app.add_option("--rate", rate, "frames per second, Hz")
       ->check(CLI::Range(10, 240))
       ->capture_default_str();
+  using clamber::tools::ClimbStyle;
+  app.add_option(
+         "--style", parameters.style,
+         "all-fours: wrists, elbows, knees; hands-only: no elbows; bear-crawl: wrists, feet; "
+         "feet-first: foot, wrists, foot")
+      ->transform(CLI::CheckedTransformer(
+          std::map<std::string, ClimbStyle>{{"all-fours", ClimbStyle::kAllFours},
+                                            {"hands-only", ClimbStyle::kHandsOnly},
+                                            {"bear-crawl", ClimbStyle::kBearCrawl},
+                                            {"feet-first", ClimbStyle::kFeetFirst}}));
+  app.add_flag("--right-first", parameters.right_first, "the right leg goes up before the left");
   CLI11_PARSE(app, argc, argv);
   try {
     return run(file, parameters, rate);

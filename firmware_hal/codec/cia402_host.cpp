@@ -199,7 +199,11 @@ std::uint16_t Cia402Host::controlword(std::size_t i) noexcept {
   Drive& drive = drives_[i];
   if (goal_ == HostGoal::kOff || link.status.phase == LinkPhase::kFault) {
     if (goal_ == HostGoal::kOff) link.status = {};
-    return kControlDisableVoltage;
+    // Whatever is wrong with it, a drive that still gives torque stops and holds by itself until
+    // the operator switches it off: to let go would drop what it carries.
+    const bool holds =
+        drive.state == Cia402State::kEnabled || drive.state == Cia402State::kQuickStop;
+    return goal_ != HostGoal::kOff && holds ? kControlQuickStop : kControlDisableVoltage;
   }
   if (goal_ == HostGoal::kQuickStop) {
     const bool moving =
@@ -346,7 +350,14 @@ CodecStatus Cia402Host::take_reply(std::size_t i, const CanFrame& frame) noexcep
   if (status != CodecStatus::kOk) return status;
   // Not configured by this host: its mapping may be any.
   if (drive.stage != Stage::kRunning) return CodecStatus::kOk;
-  drive.state = state_of(reply.statusword);
+  // One reply alone may be garbled: a drive that may be on is believed to have left its state when
+  // two in a row name the same other one. ("Not ready" is also what no state at all reads as.)
+  const Cia402State seen = state_of(reply.statusword);
+  const bool may_be_on =
+      link.status.phase == LinkPhase::kOn || link.status.phase == LinkPhase::kFault;
+  const bool repeated = seen == drive.seen && seen != Cia402State::kNotReady;
+  if (!may_be_on || repeated) drive.state = seen;
+  drive.seen = seen;
   // The reply has no velocity: the difference of counts over the ticks between two replies.
   double dq = link.mounting.direction * link.state.dq;
   const std::uint64_t passed = ticks_since_reply(link);

@@ -46,13 +46,14 @@ class Cia402Host final : public BusHost {
     Cia402Drive codec;
     double rated_motor_torque = 0.0;
     Stage stage = Stage::kSilent;
-    std::uint16_t step = 0;     ///< of the configuration
-    bool asked = false;         ///< this step's SDO has been sent
-    std::uint8_t attempts = 0;  ///< of this step
-    std::uint32_t wait = 0;     ///< ticks in this stage or for this answer
-    Cia402State state = Cia402State::kNotReady;
-    bool reset_fault = false;  ///< the operator has asked for it
-    bool heard = false;        ///< a heartbeat has come since the start
+    std::uint16_t step = 0;                      ///< of the configuration
+    bool asked = false;                          ///< this step's SDO has been sent
+    std::uint8_t attempts = 0;                   ///< of this step
+    std::uint32_t wait = 0;                      ///< ticks in this stage or for this answer
+    Cia402State state = Cia402State::kNotReady;  ///< as believed
+    Cia402State seen = Cia402State::kNotReady;   ///< in the last reply
+    bool reset_fault = false;                    ///< the operator has asked for it
+    bool heard = false;                          ///< a heartbeat has come since the start
     std::uint64_t heartbeat_tick = 0;
     bool counted = false;  ///< counts and reply_tick are those of a former reply
     std::int32_t counts = 0;

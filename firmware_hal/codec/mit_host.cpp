@@ -1,11 +1,15 @@
 #include "firmware_hal/codec/mit_host.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace clamber {
 namespace {
 
 constexpr double kEnableTimeout = 0.5;  // s
+// Replies in a row that must say so before a drive that is on is let go of: one alone may be
+// garbled, and to switch off a joint that carries the robot is no small thing.
+constexpr std::uint8_t kBelieved = 2;
 
 }  // namespace
 
@@ -57,8 +61,10 @@ void MitHost::supervise(std::size_t i) noexcept {
   Drive& drive = drives_[i];
   const bool active =
       link.status.phase == LinkPhase::kOn || link.status.phase == LinkPhase::kEnabling;
-  if (active && drive.error != 0) fail(link, LinkFault::kDriveError, drive.error);
-  if (link.status.phase == LinkPhase::kOn && !drive.enabled) fail(link, LinkFault::kDroppedOut);
+  const bool believed = drive.bad_replies >= kBelieved;
+  if (active && believed && drive.error != 0) fail(link, LinkFault::kDriveError, drive.error);
+  if (link.status.phase == LinkPhase::kOn && believed && !drive.enabled)
+    fail(link, LinkFault::kDroppedOut);
   if (link.status.phase == LinkPhase::kOn && drive.watchdog_ticks > 0 &&
       ticks_since_reply(link) >= drive.watchdog_ticks)
     fail(link, LinkFault::kWatchdog);
@@ -161,8 +167,12 @@ CodecStatus MitHost::receive(const CanFrame& frame) noexcept {
       Drive& drive = drives_[i];
       drive.enabled = reply.enabled;
       drive.error = reply.error;
+      const bool bad = reply.error != 0 || !reply.enabled;
+      drive.bad_replies = bad ? std::min<std::uint8_t>(drive.bad_replies, 254) + 1 : 0;
+      const bool off = links_[i].status.phase == LinkPhase::kOff;
+      const bool fault = reply.error != 0 && (off || drive.bad_replies >= kBelieved);
       store_reply(links_[i], reply.q, reply.dq, reply.tau, reply.temperature,
-                  reply.error != 0 ? kJointFault : 0u);
+                  fault ? kJointFault : 0u);
       return status;
     }
     if (status != CodecStatus::kForeign) best = status;

@@ -38,6 +38,7 @@ class MitHost final : public BusHost {
     bool zero = false;
     bool enabled = false;  ///< as reported
     std::uint8_t error = 0;
+    std::uint8_t bad_replies = 0;  ///< in a row that say that something is wrong
   };
 
   [[nodiscard]] std::uint32_t ticks(double seconds) const noexcept;

@@ -95,7 +95,7 @@ void VirtualMitDrive::pass() noexcept {
     else
       limp_ = true;
   }
-  if (enabled_ && winding_.too_hot())
+  if (error_ == 0 && winding_.too_hot())
     break_down(reports_state() ? kDamiaoCoilTooHot : kCubeMarsTooHot);
 }
 

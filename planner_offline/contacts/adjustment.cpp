@@ -14,6 +14,9 @@ namespace {
 constexpr double kStanding = 0.5;     // s before the first touch: the feet show the floor
 constexpr double kBelowFloor = 0.02;  // m, a sole lower than this: an earlier step up
 constexpr double kAfter = 0.5;        // s played after the last touch
+/// Height of a knee over its sole, as a share of their distance, from which the leg stands on its
+/// foot: kneeling, the shank lies.
+constexpr double kStandingShank = 0.8;
 
 /// A sphere in the motion's world, m.
 struct Ball {
@@ -28,6 +31,8 @@ struct Sample {
   double time = 0.0;
   double base_y = 0.0;
   std::vector<Ball> limbs;      ///< wrists, elbows, knees
+  std::vector<bool> upright;    ///< per limb: a shank that stands on its foot, no knee to rest on
+  std::vector<Ball> soles;      ///< middles of the soles, radius 0
   std::vector<Ball> forbidden;  ///< torso and pelvis, as balls along their axes
   double lower_sole = 0.0;      ///< m, lowest corner of the lower foot
   double upper_sole = 0.0;      ///< m, lowest corner of the other
@@ -50,9 +55,7 @@ class Search {
   Search(const RobotModel& model, const RobotMotion& motion, const AdjustmentConfig& config)
       : model_(model), config_(config) {
     for (std::size_t i = 0; i < model.contacts.size(); ++i) {
-      if (!model.contacts[i].is_patch) {
-        limbs_.push_back(i);
-      }
+      (model.contacts[i].is_patch ? feet_ : limbs_).push_back(i);
     }
     const auto stride =
         static_cast<std::size_t>(std::max(1.0, std::round(config.sample_period * motion.rate)));
@@ -93,6 +96,7 @@ class Search {
       const Pose& X_WB = data.X_WB[static_cast<std::size_t>(link.body)];
       if (!link.is_patch) {
         sample.limbs.push_back(ball(X_WB * link.points.front(), link.radius));
+        sample.upright.push_back(stands_on_foot(link, data));
         continue;
       }
       double lowest = std::numeric_limits<double>::infinity();
@@ -101,6 +105,7 @@ class Search {
         lowest = std::min(lowest, sample.corners.back().z);
       }
       soles.push_back(lowest);
+      sample.soles.push_back(ball(sole_middle(link, data), 0.0));
     }
     const auto [lower, upper] = std::minmax_element(soles.begin(), soles.end());
     sample.lower_sole = *lower;
@@ -109,6 +114,27 @@ class Search {
       add_geom(model_.geoms[static_cast<std::size_t>(geom)], data, sample.forbidden);
     }
     samples_.push_back(std::move(sample));
+  }
+
+  [[nodiscard]] static Eigen::Vector3d sole_middle(const ContactLink& foot, const RobotData& data) {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (const Eigen::Vector3d& corner : foot.points) {
+      sum += data.X_WB[static_cast<std::size_t>(foot.body)] * corner;
+    }
+    return sum / static_cast<double>(foot.points.size());
+  }
+
+  /// A knee may be at the height of the top, before the obstacle, while its leg stands.
+  [[nodiscard]] bool stands_on_foot(const ContactLink& link, const RobotData& data) const {
+    const Eigen::Vector3d p = data.X_WB[static_cast<std::size_t>(link.body)] * link.points.front();
+    return std::any_of(model_.contacts.begin(), model_.contacts.end(),
+                       [&](const ContactLink& foot) {
+                         if (!foot.is_patch || foot.limb != link.limb) {
+                           return false;
+                         }
+                         const Eigen::Vector3d up = p - sole_middle(foot, data);
+                         return up.z() > kStandingShank * up.norm();
+                       });
   }
 
   /// Front faces worth trying: somewhere under the limbs' path.
@@ -142,6 +168,16 @@ class Search {
     return std::min(above, below) > 0.0 && inset > 0.0 ? std::min(above, below) * inset : 0.0;
   }
 
+  [[nodiscard]] bool any_touch(const Sample& sample, double top, double front) const {
+    for (std::size_t i = 0; i < sample.limbs.size(); ++i) {
+      if (!sample.upright[i] && touch(sample.limbs[i], top, front) > 0.0) {
+        return true;
+      }
+    }
+    return std::any_of(sample.soles.begin(), sample.soles.end(),
+                       [&](const Ball& sole) { return touch(sole, top, front) > 0.0; });
+  }
+
   [[nodiscard]] static double depth(const Ball& b, double top, double front) {
     return std::max(0.0, std::min(top - (b.z - b.radius), b.x + b.radius - front));
   }
@@ -155,9 +191,7 @@ class Search {
   [[nodiscard]] std::vector<Episode> episodes(double top, double front) const {
     std::vector<Episode> episodes;
     for (std::size_t k = 0; k < samples_.size(); ++k) {
-      const auto& limbs = samples_[k].limbs;
-      if (std::none_of(limbs.begin(), limbs.end(),
-                       [&](const Ball& b) { return touch(b, top, front) > 0.0; })) {
+      if (!any_touch(samples_[k], top, front)) {
         continue;
       }
       if (episodes.empty() ||
@@ -178,6 +212,7 @@ class Search {
   const RobotModel& model_;
   AdjustmentConfig config_;
   std::vector<std::size_t> limbs_;  ///< indices of the point contacts, as in Sample::limbs
+  std::vector<std::size_t> feet_;   ///< ... of the patches, as in Sample::soles
   std::vector<Sample> samples_;
   double period_ = 0.0;
 };
@@ -187,7 +222,12 @@ double Search::touch_score(double top, double front, const Episode& episode,
   touched.assign(model_.contacts.size(), 0.0);
   for (std::size_t k = episode.first; k <= episode.last; ++k) {
     for (std::size_t i = 0; i < limbs_.size(); ++i) {
-      touched[limbs_[i]] += period_ * touch(samples_[k].limbs[i], top, front);
+      if (!samples_[k].upright[i]) {
+        touched[limbs_[i]] += period_ * touch(samples_[k].limbs[i], top, front);
+      }
+    }
+    for (std::size_t i = 0; i < feet_.size(); ++i) {
+      touched[feet_[i]] += period_ * touch(samples_[k].soles[i], top, front);
     }
   }
   double score = 0.0;
@@ -265,8 +305,8 @@ Adjustment find_adjustment(const RobotModel& model, const RobotMotion& motion,
   if (!std::isfinite(found.score)) {
     throw PlanningFailed(
         motion.recording +
-        ": at no obstacle height and distance does a wrist, elbow or knee of robot '" + model.name +
-        "' touch the obstacle's top when the motion is played");
+        ": at no obstacle height and distance does a hand, elbow, knee or foot of robot '" +
+        model.name + "' touch the obstacle's top when the motion is played");
   }
   return found;
 }

@@ -23,9 +23,9 @@ struct AdjustmentConfig {
   double give = 0.06;
   double inset = 0.05;  ///< m from the front edge at which a touch counts fully
   double pause = 2.0;   ///< s without touch that ends an attempt
-  /// Score of a placement: sum over wrists, elbows and knees of t / (t + half_time), t the link's
-  /// seconds of touch, so that a further link is worth more than longer touch; less the costs, each
-  /// per m of the deepest overlap with the obstacle.
+  /// Score of a placement: sum over wrists, elbows, knees and feet of t / (t + half_time), t the
+  /// link's seconds of touch (a knee's only while its shank lies), so that a further link is worth
+  /// more than longer touch; less the costs, each per m of the deepest overlap with the obstacle.
   double half_time = 1.5;        ///< s
   double forbidden_cost = 50.0;  ///< 1/m, torso and pelvis
   double foot_cost = 5.0;        ///< 1/m, soles (toes at the front face: they are pushed back)
@@ -44,16 +44,16 @@ struct Adjustment {
   double floor = 0.0;  ///< m, z of the climb's floor in the motion's world: 0 unless the recording
                        ///< holds an earlier step up
   double start = 0.0;  ///< s, part of the recording that is the climb: standing on the floor ...
-  double end = 0.0;    ///< s, ... until the last contact of wrist, elbow or knee is over
+  double end = 0.0;    ///< s, ... until the last contact with the obstacle is over
   double score = 0.0;
-  std::vector<double> touch;  ///< s of (weighted) touch by RobotModel::contacts; feet stay 0
+  std::vector<double> touch;  ///< s of (weighted) touch by RobotModel::contacts
 
   /// A configuration of the motion in the obstacle's world: front face at x = 0, floor at z = 0.
   [[nodiscard]] Configuration apply(const Configuration& x) const;
 };
 
 /// @throws InputError     the motion has no frames or no rate
-/// @throws PlanningFailed no placement brings any wrist, elbow or knee into contact
+/// @throws PlanningFailed no placement brings any of the contact links into contact
 [[nodiscard]] Adjustment find_adjustment(const RobotModel& model, const RobotMotion& motion,
                                          const AdjustmentConfig& config);
 

@@ -220,7 +220,7 @@ TEST(Controller, DoesNotBelieveAReadingThatStandsStillWhileThePlanMoves) {
     rig.tick();
   }
   EXPECT_EQ(rig.controller.fault(), FaultCode::kUnbelievable);
-  EXPECT_NEAR(rig.frame.q_ref[2] - start, 0.05, 0.01);
+  EXPECT_NEAR(rig.frame.q_ref[2] - start, 0.005, 0.001);
 }
 
 /// A few lost replies, each of another joint, are no reason to give up.

@@ -106,5 +106,18 @@ TEST_F(BusCommand, ALogWithoutAFrameIsUnusable) {
   EXPECT_EQ(run("decode nowhere.log").exit_code, 2);
 }
 
+/// Where the interfaces are there, tests/vcan/commands looks further.
+TEST_F(BusCommand, LiveCommandsWithoutInterfaces) {
+  if (std::filesystem::exists("/sys/class/net/can0")) GTEST_SKIP() << "skipped: there is a can0";
+  for (const char* command : {"scan", "monitor"}) {
+    const auto result = run(std::string(command) + " configs/hal/coman_mit.yaml");
+    EXPECT_EQ(result.exit_code, 2);
+    expect_one_line(result, "coman_mit.yaml: bus 'right_leg': interface 'can0': ");
+    EXPECT_EQ(run(std::string(command) + " nowhere.yaml").exit_code, 2);
+    EXPECT_EQ(run(command).exit_code, 2);
+  }
+  EXPECT_EQ(run("monitor configs/hal/coman_mit.yaml --duration 0").exit_code, 2);
+}
+
 }  // namespace
 }  // namespace clamber

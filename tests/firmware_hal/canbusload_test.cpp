@@ -1,5 +1,4 @@
-// Bits of classic frames as can-utils' canbusload counts them. It needs a CAN interface: run it
-// where vcan0 exists (CLAMBER_VCAN names another).
+// Bits of classic frames as can-utils' canbusload counts them, on a CAN interface.
 #include <gtest/gtest.h>
 
 #include <cstdio>
@@ -11,15 +10,14 @@
 #include "firmware_hal/bus_model/frame_bits.hpp"
 #include "firmware_hal/candump.hpp"
 #include "tests/firmware_hal/random_frame.hpp"
+#include "tests/vcan/vcan.hpp"
 
 namespace clamber {
 namespace {
 
 TEST(Canbusload, CountsTheSameBits) {
-  const char* named = std::getenv("CLAMBER_VCAN");
-  const std::string interface = named == nullptr ? "vcan0" : named;
-  if (!std::filesystem::exists("/sys/class/net/" + interface))
-    GTEST_SKIP() << "skipped: no interface " << interface;
+  const std::string interface = "can0";
+  CLAMBER_NEEDS_VCAN(interface);
   const std::filesystem::path folder = testing::TempDir();
   const std::string log = (folder / "clamber_load.log").string();
   const std::string out = (folder / "clamber_load.txt").string();
