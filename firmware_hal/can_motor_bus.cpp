@@ -12,10 +12,8 @@ constexpr std::int64_t kOfferAgain = 100'000;           // ns, where an interfac
 constexpr std::int64_t kGreetingInterval = 50'000'000;  // ns
 
 // Ticks in a row in which all joints must be read before they are switched on: a lucky one is not
-// enough, and drives with an old error have time to be told to forget it. A machine that is busy
-// for some ticks must not keep a robot off for ever.
+// enough, and drives with an old error have time to be told to forget it.
 constexpr int kReadTicks = 5;
-constexpr std::uint32_t kOldestRead = 3;  // ticks
 
 constexpr std::ptrdiff_t index(std::size_t i) noexcept { return static_cast<std::ptrdiff_t>(i); }
 
@@ -273,8 +271,8 @@ bool CanMotorBus::read_all_joints() noexcept {
       for (std::size_t d = 0; d < segment.host->size(); ++d) {
         const int joint = segment.host->joint(d);
         const JointState& state = states_[static_cast<std::size_t>(joint)];
-        const bool read = segment.host->status(d).phase == LinkPhase::kOff && state.sequence > 0 &&
-                          state.age <= kOldestRead;
+        const bool read =
+            segment.host->status(d).phase == LinkPhase::kOff && (state.flags & kJointStale) == 0;
         if (all && !read)
           trouble_ = {BusTrouble::kJointSilent, index_of(segment), joint, segment.host->status(d)};
         all = all && read;
