@@ -7,9 +7,9 @@
 #include <set>
 
 #include "planner_offline/search/goal_search.hpp"
+#include "planner_offline/search/invented_sequence.hpp"
 #include "planner_offline/search/placement_search.hpp"
 #include "planner_offline/search/timing.hpp"
-#include "robot_model/loader.hpp"
 
 #ifndef CLAMBER_VERSION
 #define CLAMBER_VERSION "unversioned"
@@ -191,7 +191,6 @@ class Planning {
         clearance_(model, scenario, settings_.clearance) {}
 
   void find_along(const std::vector<Move>& moves);
-  void find_freely();
   [[nodiscard]] PlanningResult finish();
 
  private:
@@ -201,7 +200,6 @@ class Planning {
   }
   [[nodiscard]] std::string written(const std::vector<Stretch>& stretches);
   [[nodiscard]] PlannerSettings seeded(std::size_t seed) const;
-  [[nodiscard]] std::vector<Stretch> freely(const PlannerSettings& settings);
   void complete(const std::vector<Stretch>& climb);
   [[noreturn]] void fail(const std::string& why) const;
 
@@ -295,59 +293,6 @@ void Planning::complete(const std::vector<Stretch>& climb) {
   fail(std::string("all fours is reached, ") + to_string(scenario_.goal) + " is not: " + why);
 }
 
-/// Onto all fours without a demonstration: contacts, their order and their places come out of the
-/// search over the contact graph.
-std::vector<Stretch> Planning::freely(const PlannerSettings& settings) {
-  Transition transition(model_, scenario_, clearance_, settings);
-  GraphSearch graph(model_, transition, [this](const std::string& what) {
-    if (what.rfind("rejected: ", 0) == 0) {
-      result_.rejected.push_back(what.substr(10));
-    }
-    progress_(0.0, what);
-  });
-  const Configuration start = start_configuration(model_, scenario_);
-  RobotData data;
-  forward_kinematics(model_, start, data);
-  Node node{start, {}};
-  for (int link = 0; link < static_cast<int>(model_.contacts.size()); ++link) {
-    if (model_.contacts[static_cast<std::size_t>(link)].is_patch) {
-      node.contacts.push_back(make_contact(model_, scenario_, data, link, kFloor));
-    }
-  }
-  std::vector<Touch> goal;
-  for (const std::string& name : all_fours_contacts(model_, scenario_)) {
-    const auto link = model_.find_contact(name);
-    if (!link) {
-      throw InputError(scenario_.name + ": goal.contacts: robot " + model_.name +
-                       " has no contact link '" + name + "'");
-    }
-    goal.push_back({*link, 0, {}, 0.0});
-  }
-  return graph.find(goal, model_.home, node);
-}
-
-void Planning::find_freely() {
-  const Stopwatch time;
-  std::string why;
-  for (std::size_t seed = 0; seed < settings_.search.most_seeds; ++seed) {
-    try {
-      const std::vector<Stretch> climb = freely(seeded(seed));
-      why = written(climb);
-      if (why.empty()) {
-        result_.stages = {{"search", time.seconds() - writing_ - checking_}};
-        if (scenario_.goal != Goal::kAllFours) {
-          complete(climb);
-        }
-        return;
-      }
-    } catch (const PlanningFailed& failed) {
-      why = failed.what();
-    }
-    result_.rejected.push_back(why);
-  }
-  fail("no climb of " + scenario_.name + " without a recording found: " + why);
-}
-
 PlanningResult Planning::finish() {
   result_.stages.emplace_back("timing and torques", writing_);
   result_.stages.emplace_back("checks of plans found", checking_);
@@ -371,11 +316,23 @@ PlanningResult plan_climb(const RobotModel& model, const Scenario& scenario,
 PlanningResult plan_without_recording(const RobotModel& model, const Scenario& scenario,
                                       const PlannerSettings& settings,
                                       const PlanningProgress& progress, const PlanCheck& check) {
-  Plan header = plan_header(model, scenario, "none", false);
-  header.notes = {"no recording: contacts, their order and their places were searched for"};
-  Planning planning(model, scenario, settings, progress, check, std::move(header));
-  planning.find_freely();
-  return planning.finish();
+  PlannerSettings used = settings;
+  used.forces.friction = settings.friction_share * scenario.friction;
+  used.search.most_attempts = settings.search.order_attempts;
+  std::string why;
+  PlanningLog log;
+  for (const ContactSequence& sequence : invented_sequences(model, scenario, used)) {
+    try {
+      return plan_climb(model, scenario, sequence, used, progress, check);
+    } catch (const PlanningFailed& failed) {
+      why = failed.what();
+      if (failed.log() != nullptr) {
+        log.rejected.insert(log.rejected.end(), failed.log()->rejected.begin(),
+                            failed.log()->rejected.end());
+      }
+    }
+  }
+  throw PlanningFailed("without a recording: " + why, std::make_shared<const PlanningLog>(log));
 }
 
 std::vector<std::string> contact_order(const ContactSequence& sequence) {

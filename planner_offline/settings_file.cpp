@@ -126,6 +126,7 @@ void read_keys(Section& section, SearchSettings& search) {
   section.count("touch_samples", search.touch_samples);
   section.count("most_touch_postures", search.most_touch_postures);
   section.count("most_way_nodes", search.most_way_nodes);
+  section.count("order_attempts", search.order_attempts);
   section.count("most_seeds", search.most_seeds);
   section.count("seed", search.seed);
   section.positive("step_margin", search.step_margin);

@@ -18,6 +18,8 @@ struct TouchSampler::Attempt {
   std::vector<Touch> touches;
   std::vector<int> landing;
   JointVector hint;
+
+  [[nodiscard]] const ContactSet& carrying() const { return supports.empty() ? contacts : supports; }
 };
 
 namespace {
@@ -178,12 +180,15 @@ void TouchSampler::reach(Attempt& attempt, double margin) {
   constexpr int kSteps = 200;
   constexpr int kThrough = 20;  // steps before links mind what is in their way
   for (int i = 0; i < kSteps; ++i) {
-    const SupportRegion region(contact_points(model_, attempt.data, attempt.supports));
+    const SupportRegion region(contact_points(model_, attempt.data, attempt.carrying()));
     const Eigen::Vector2d com = attempt.data.com.head<2>();
     Task posture = posture_task(model_, attempt.x.q, attempt.hint,
                                 JointVector::Ones(model_.joint_count()));
     posture.e = shortened(posture.e, settings_.search.posture_step);
-    TaskStack stack{holding(model_, attempt.data, attempt.supports)};
+    TaskStack stack;
+    if (!attempt.supports.empty()) {
+      stack.push_back(holding(model_, attempt.data, attempt.supports));
+    }
     if (!attempt.touches.empty()) {
       stack.push_back(reach_task(attempt));
     }
@@ -225,7 +230,7 @@ Rejection TouchSampler::judge(const Attempt& attempt, double margin, double& pea
     std::snprintf(text, sizeof text, "contact out of reach by %.1f cm", 100.0 * error);
     return {text, error};
   }
-  const SupportRegion region(contact_points(model_, attempt.data, attempt.supports));
+  const SupportRegion region(contact_points(model_, attempt.data, attempt.carrying()));
   const double kept = region.margin(attempt.data.com.head<2>());
   constexpr double kTolerance = 4e-3;  // m: the task stops near the margin, not on it
   if (kept < margin - kTolerance) {
@@ -242,7 +247,7 @@ Rejection TouchSampler::judge(const Attempt& attempt, double margin, double& pea
   if (clear.self < 0.0) {
     return {"links collide: " + clear.worst_self_pair, -clear.self};
   }
-  const ForceSolution forces = forces_.solve(attempt.data, attempt.supports);
+  const ForceSolution forces = forces_.solve(attempt.data, attempt.carrying());
   peak_torque = forces.peak_torque;
   if (forces.status == Equilibrium::kTorque) {
     const Joint& joint = model_.joints[static_cast<std::size_t>(forces.peak_joint)];
@@ -277,7 +282,10 @@ std::vector<TouchPosture> TouchSampler::sample(const TouchRequest& request) {
           make_contact(model_, scenario_, attempt.data, touch.link, touch.surface));
       attempt.landing.push_back(touch.link);
     }
-    if (start > 0) {
+    if (request.supports.empty()) {
+      attempt.x.q = attempt.hint;
+      forward_kinematics(model_, attempt.x, attempt.data);
+    } else if (start > 0) {
       relax(attempt);
     }
     settle_soles(attempt);

@@ -32,7 +32,8 @@ struct TouchPosture {
 
 struct TouchRequest {
   Configuration start;
-  ContactSet supports;          ///< carry alone; they roll from `start` on as they do on the robot
+  /// Carry alone; they roll from `start` on as they do on the robot. None: the touches carry.
+  ContactSet supports;
   std::vector<Touch> touches;   ///< may be empty: a posture on the supports alone
   JointVector attractor;        ///< posture towards which some of the starts are drawn, rad
   JointVector near;             ///< of the postures found those near this one are cheap, rad

@@ -51,8 +51,8 @@ auto members(const ReferenceSettings& s) {
   return std::tuple(a, b, c, d, e, f, g, h, i, j, k);
 }
 auto members(const SearchSettings& s) {
-  const auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, t, u, v, w, x] = s;
-  return std::tuple(a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, t, u, v, w, x);
+  const auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, t, u, v, w, x, y] = s;
+  return std::tuple(a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, t, u, v, w, x, y);
 }
 auto members(const TimingSettings& s) {
   const auto& [a, b, c, d, e] = s;
