@@ -21,6 +21,23 @@ Json coverage_of(const std::string& certificate) {
   return Json::parse(certificate.substr(0, certificate.find('\n'))).at("coverage");
 }
 
+/// Stated uncertainty against what the plan holds for, as a table.
+std::string uncertainty_table(const Json& coverage) {
+  char text[160];
+  std::string out;
+  std::snprintf(text, sizeof text, "%-22s %11s %11s  %s\n", "certified for", "stated", "holds",
+                "unit");
+  out += text;
+  for (const Json& row : coverage.at("uncertainty")) {
+    std::snprintf(text, sizeof text, "%-22s %11.4g %11.4g  %-6s%s\n",
+                  row.at("what").get<std::string>().c_str(), row.at("stated").get<double>(),
+                  row.at("holds").get<double>(), row.at("unit").get<std::string>().c_str(),
+                  row.at("covered").get<bool>() ? "" : "  LESS THAN STATED");
+    out += text;
+  }
+  return out;
+}
+
 bool judged(std::size_t quantity) { return kQuantities[quantity].sense != Sense::kRecord; }
 
 }  // namespace
@@ -96,6 +113,7 @@ std::string describe(const Certification& certification) {
     out += text;
   }
   if (report.valid) {
+    out += uncertainty_table(certification.coverage);
     std::snprintf(text, sizeof text, "certificate: valid, %zu samples\n", report.samples);
     return out + text;
   }
@@ -124,6 +142,7 @@ Json to_json(const Certification& certification) {
           {"violations", report.violations},
           {"gravity_error", report.gravity_error},
           {"margins", margins},
+          {"uncertainty", certification.coverage.at("uncertainty")},
           {"covered", certification.coverage.at("covered")},
           {"not_covered", certification.coverage.at("not_covered")}};
 }

@@ -19,9 +19,17 @@ struct Options {
 };
 
 void run_on_drives(const Options& options, const RobotModel& model, const Scenario& scenario) {
+  if (options.execution.rehearse) {
+    const RehearsalRun result =
+        rehearse_plan(options.robot, model, scenario, options.plan, options.execution, options.out);
+    std::cout << describe(result) << "written:     " << options.out << '\n';
+    if (!result.success()) throw JobFailed("the rehearsal failed: " + result.failure());
+    return;
+  }
   if (!options.execution.frame_log.empty() && !options.execution.lock_step)
     throw InputError(
-        "--frame-log: needs --lock-step: only then frames have an order of their own (in real "
+        "--frame-log: needs --lock-step or --rehearse: only then frames have an order of their own "
+        "(in real "
         "time: candump -l)");
   const BusRun result = run_plan_on_buses(options.robot, model, scenario, options.plan,
                                           options.execution, options.out);
@@ -34,9 +42,11 @@ void run(const Options& options) {
   const Scenario scenario = load_scenario(options.scenario);
   if (read_backend(options.execution.hal) == Backend::kSocketCan)
     return run_on_drives(options, model, scenario);
-  if (options.execution.lock_step || !options.execution.frame_log.empty())
+  if (options.execution.lock_step || options.execution.rehearse ||
+      !options.execution.frame_log.empty())
     throw InputError(
-        "--lock-step and --frame-log: only on motor buses (--hal), not with backend ode");
+        "--lock-step, --rehearse and --frame-log: only on motor buses (--hal), not with backend "
+        "ode");
   const SimulatedRun result =
       run_plan(options.robot, model, scenario, options.plan, options.execution, options.out);
   std::cout << describe(result, model) << "written:     " << options.out << '\n';
@@ -57,8 +67,10 @@ void add_run_command(CLI::App& app) {
                     "run it without a valid certificate, in the simulation");
   command->add_flag("--lock-step", options->execution.lock_step,
                     "motor buses: ticks end when the drives of `clamber drives` say so");
+  command->add_flag("--rehearse", options->execution.rehearse,
+                    "motor buses: simulated, with virtual drives and robot, in this process");
   command->add_option("--frame-log", options->execution.frame_log,
-                      "motor buses in lock step: every frame, in candump's format");
+                      "motor buses in lock step or rehearsed: every frame, in candump's format");
   add_execution_options(*command, options->execution);
   add_robot_options(*command, options->robot);
   add_scenario_options(*command, options->scenario);
@@ -69,7 +81,8 @@ void add_run_command(CLI::App& app) {
       "counted, without it the loop waits between ticks, so that none is lost.\n"
       "Exit code 1: the judge, who knows nothing of the plan, does not see the robot on top.\n\n"
       "With a bus map (--hal) the same controller moves drives on CAN buses, by the clock or,\n"
-      "with simulated drives, in lock step. The drives are off when it ends, however it ends.\n\n"
+      "with simulated drives, in lock step (clamber drives --help). The drives are off when it "
+      "ends, however it ends.\n\n"
       "Examples:\n"
       "  clamber run out/climb/plan.json --realtime --feed-forward none -o pid_only.log\n"
       "  clamber run out/climb/plan.json --hal configs/hal/coman_mit.yaml --lock-step");

@@ -12,6 +12,7 @@ void add_playback_command(CLI::App& app);
 void add_contacts_command(CLI::App& app);
 void add_plan_command(CLI::App& app);
 void add_verify_command(CLI::App& app);
+void add_cases_command(CLI::App& app);
 void add_scale_robot_command(CLI::App& app);
 void add_sweep_command(CLI::App& app);
 void add_run_command(CLI::App& app);

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "apps/executor.hpp"
 #include "firmware_hal/virtual_drives/virtual_drives.hpp"
 #include "robot_model/model.hpp"
 #include "sim_backend/judge.hpp"
@@ -36,6 +37,36 @@ class RehearsalWorld {
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
+
+struct RehearsalOptions {
+  ControllerConfig control;
+  std::string log;          ///< file; empty: no log
+  std::string plan_sha256;  ///< of what is executed, for the log
+  std::string frame_log;    ///< every frame in candump's format; empty: none
+};
+
+struct RehearsalRun {
+  ExecutorReport execution;
+  ClimbVerdict verdict;
+  std::string trouble;  ///< why the drives could not be enabled; empty: they could
+  std::uint64_t missing_replies = 0;
+  double slowest_reply = 0.0;  ///< s from the start of a tick
+  double temperature = 0.0;    ///< degree Celsius, of the hottest drive
+  std::string hottest;         ///< its joint
+  std::uint64_t frames = 0;    ///< in the frame log
+  std::string frame_log_sha256;
+
+  [[nodiscard]] bool success() const;
+  /// Why not, in one line; empty on success.
+  [[nodiscard]] std::string failure() const;
+};
+
+/// Runs a plan image with hosts, simulated buses, virtual drives and the simulated robot in this
+/// process. Deterministic. @throws InputError when map or image are refused
+[[nodiscard]] RehearsalRun rehearse(const RobotModel& model, const Scenario& scenario,
+                                    const BusMap& map, const std::vector<std::byte>& image,
+                                    const RehearsalOptions& options);
+[[nodiscard]] std::string describe(const RehearsalRun& run);
 
 /// The hottest drive and its joint.
 struct HottestDrive {

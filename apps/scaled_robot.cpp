@@ -130,11 +130,9 @@ void write_scaled_robot(const fs::path& robot, double s, ScaledTorque torque,
   };
   write(urdf.filename(), scaled_urdf(urdf, by, remark));
   write("robot.yaml", text_of(root, remark));
-  for (const char* name : {"retarget.yaml", "planner.yaml"}) {
-    std::error_code error;
-    if (fs::exists(from / name, error)) write(name, read_file(from / name));
-  }
   std::error_code error;
+  if (fs::exists(from / "retarget.yaml", error))
+    write("retarget.yaml", read_file(from / "retarget.yaml"));
   if (fs::exists(from / "control.yaml", error)) {
     YAML::Node control = YAML::Load(read_file(from / "control.yaml"));
     for (const char* key : {"gains", "feed_forward_gains"})

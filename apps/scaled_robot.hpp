@@ -11,13 +11,12 @@ enum class ScaledTorque {
   kKept,      ///< the same drives in a robot of another size
 };
 
-/// Writes robot.yaml, the URDF and, where they are there, retarget.yaml, control.yaml and
-/// planner.yaml of the robot in `robot` (its robot.yaml) to `folder`, scaled by s:
+/// Writes robot.yaml, the URDF and, where they are there, retarget.yaml and
+/// control.yaml of the robot in `robot` (its robot.yaml) to `folder`, scaled by s:
 ///   lengths s, masses s^3, inertias s^5, torque limits by choice,
 ///   kp and springs s^4, damping and kd s^4.5, ki s^3.5, velocity limits s^-0.5.
 /// Weight times lever grows with s^4 and a pendulum's time with s^0.5: with these gains the robot
 /// sags by the same angles and swings in the same number of its own periods.
-/// The planner's lengths (planner.yaml) are left alone: they guard against errors that do not grow.
 /// @throws InputError when the robot is unusable, s is outside 0.1 to 10 or a file cannot be
 /// written
 void write_scaled_robot(const std::filesystem::path& robot, double s, ScaledTorque torque,

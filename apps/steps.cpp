@@ -290,4 +290,19 @@ BusRun run_plan_on_buses(const RobotOptions& robot, const RobotModel& model,
   return run_on_buses(model, map, prepared.image, run);
 }
 
+RehearsalRun rehearse_plan(const RobotOptions& robot, const RobotModel& model,
+                           const Scenario& scenario, const std::string& plan_file,
+                           const ExecutionOptions& options, const std::string& log) {
+  const BusMap map = load_bus_map(find_file(options.hal), model);
+  const PreparedRun prepared = prepare_run(robot, model, scenario, plan_file, options);
+  RehearsalOptions run;
+  run.control = prepared.control;
+  run.plan_sha256 = prepared.plan_sha256;
+  run.log = log;
+  run.frame_log = options.frame_log;
+  for (const std::string& file : {log, options.frame_log})
+    if (!file.empty()) make_folder_of(file);
+  return rehearse(model, scenario, map, prepared.image, run);
+}
+
 }  // namespace clamber

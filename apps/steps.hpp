@@ -10,6 +10,7 @@
 #include "apps/certification.hpp"
 #include "apps/options.hpp"
 #include "apps/progress.hpp"
+#include "apps/rehearsal.hpp"
 #include "apps/simulated_run.hpp"
 #include "planner_offline/contacts/contact_sequence.hpp"
 #include "planner_offline/planner.hpp"
@@ -61,10 +62,11 @@ struct ExecutionOptions {
   bool dds = true;
   bool springs = false;
   std::optional<std::uint64_t> perturbed;  ///< seed of what the world differs by
-  std::string certificate;   ///< empty: beside the plan
+  std::string certificate;                 ///< empty: beside the plan
   bool uncertified = false;  ///< runs a plan without one: to look at it in the simulation
   bool lock_step = false;    ///< motor buses: see lock_step.hpp
-  std::string frame_log;     ///< motor buses in lock step: file for every frame
+  bool rehearse = false;     ///< motor buses: simulated, with virtual drives, in this process
+  std::string frame_log;     ///< motor buses in lock step or rehearsed: file for every frame
 };
 void add_execution_options(CLI::App& command, ExecutionOptions& options);
 
@@ -84,5 +86,10 @@ enum class Backend : std::uint8_t { kSimulation, kSocketCan };
 [[nodiscard]] BusRun run_plan_on_buses(const RobotOptions& robot, const RobotModel& model,
                                        const Scenario& scenario, const std::string& plan_file,
                                        const ExecutionOptions& options, const std::string& log);
+
+/// The same on virtual drives and simulated buses of that map, in this process.
+[[nodiscard]] RehearsalRun rehearse_plan(const RobotOptions& robot, const RobotModel& model,
+                                         const Scenario& scenario, const std::string& plan_file,
+                                         const ExecutionOptions& options, const std::string& log);
 
 }  // namespace clamber

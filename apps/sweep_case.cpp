@@ -1,8 +1,12 @@
 #include "apps/sweep_case.hpp"
 
+#include <yaml-cpp/yaml.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <set>
+#include <sstream>
 #include <system_error>
 #include <utility>
 
@@ -86,6 +90,24 @@ Json run_figures(const SimulatedRun& run) {
           {"rest_speed", run.verdict.rest_speed}};
 }
 
+/// The scenario with the point contacts of the recording's last state as its goal. (Feet do not
+/// carry on the obstacle in this goal.)
+std::string with_recorded_goal(const std::string& text, const RobotModel& model,
+                               const ContactSequence& sequence) {
+  YAML::Node root = YAML::Load(text);
+  YAML::Node names(YAML::NodeType::Sequence);
+  if (!sequence.reduced.empty())
+    for (const ContactReference& contact : sequence.reduced.back().obstacle) {
+      const auto link = model.find_contact(contact.link);
+      if (link && !model.contacts[static_cast<std::size_t>(*link)].is_patch)
+        names.push_back(contact.link);
+    }
+  if (names.size() > 0) root["goal"]["contacts"] = names;
+  std::ostringstream out;
+  out << root << '\n';
+  return out.str();
+}
+
 void save_rejected(const PlanningFailed& error, const fs::path& file) {
   if (error.log() == nullptr) return;
   std::string text;
@@ -94,6 +116,24 @@ void save_rejected(const PlanningFailed& error, const fs::path& file) {
 }
 
 }  // namespace
+
+std::string contact_order(const ContactSequence& sequence) {
+  std::string order;
+  std::set<std::string> before;
+  for (const ContactState& state : sequence.reduced) {
+    std::set<std::string> links;
+    std::string change;
+    for (const ContactReference& contact : state.obstacle) {
+      links.insert(contact.link);
+      if (!before.contains(contact.link)) change += (change.empty() ? "" : " ") + contact.link;
+    }
+    for (const std::string& link : before)
+      if (!links.contains(link)) change += (change.empty() ? "-" : " -") + link;
+    if (!change.empty()) order += (order.empty() ? "" : ", ") + change;
+    before = std::move(links);
+  }
+  return order;
+}
 
 SweepRunner::SweepRunner(SweepInputs inputs, fs::path out, bool keep_plans)
     : inputs_(std::move(inputs)),
@@ -110,7 +150,8 @@ SweepRunner::SweepRunner(SweepInputs inputs, fs::path out, bool keep_plans)
   static_cast<void>(load_acceptance(margins));
   static_cast<void>(load_control(inputs_.control, {.robot = inputs_.robot}, plain.model));
   std::string all = std::string(CLAMBER_VERSION) + (inputs_.plan_only ? " plans" : " climbs") +
-                    '\n' + plain.model.hash + '\n' + sha256_hex(plain.motion.text) + '\n' +
+                    (inputs_.goal_as_recorded ? " to the recorded goal" : "") + '\n' +
+                    plain.model.hash + '\n' + sha256_hex(plain.motion.text) + '\n' +
                     sha256_hex(scenario_) + '\n';
   for (const fs::path& file : {settings, margins, control, gains}) {
     std::error_code error;
@@ -162,8 +203,8 @@ void SweepRunner::attempt(const SweepPoint& point, Json& record, Json& times) {
   const fs::path scenario_file = file("scenarios", point, ".yaml");
   const std::string text = scenario_text(scenario_, inputs_.scenario, point);
   write_whole(scenario_file, text);
-  const Scenario scenario = parse_scenario(text, scenario_file.string());
-  const ObstacleBox& box = scenario.obstacles.front();
+  Scenario scenario = parse_scenario(text, scenario_file.string());
+  const ObstacleBox box = scenario.obstacles.front();
   const Eigen::Vector2d inwards(std::cos(box.yaw), std::sin(box.yaw));
   record["depth_m"] = 2.0 * box.half_extents.x();
   record["distance_m"] =
@@ -173,6 +214,12 @@ void SweepRunner::attempt(const SweepPoint& point, Json& record, Json& times) {
   record["ballast_kg"] = robot.model.ballast_mass;
   const Contacts& found = contacts(point, scenario, times);
   if (const auto* why = std::get_if<std::string>(&found)) return fail(record, "contacts", *why);
+  record["contacts"] = contact_order(std::get<ContactSequence>(found));
+  if (inputs_.goal_as_recorded) {
+    write_whole(scenario_file,
+                with_recorded_goal(text, robot.model, std::get<ContactSequence>(found)));
+    scenario = load_scenario(scenario_file);
+  }
   PlanFiles files;
   files.plan = file("plans", point, ".json").string();
   files.certificate = file("plans", point, ".cert").string();

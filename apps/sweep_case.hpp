@@ -24,7 +24,12 @@ struct SweepInputs {
   std::string control = "configs/control/default.yaml";
   RecordingOptions reading;
   bool plan_only = false;
+  /// The goal is the last state of the recording, not the contacts that the scenario names.
+  bool goal_as_recorded = false;
 };
+
+/// What each reduced state adds to the one before and gives up: "Lwrist Rwrist, Lknee, Rknee".
+[[nodiscard]] std::string contact_order(const ContactSequence& sequence);
 
 /// Runs cases and keeps their records in a folder:
 ///   cases/<key>.json      what came out, one line; the same case gives the same bytes

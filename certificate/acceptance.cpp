@@ -27,11 +27,13 @@ Acceptance::Acceptance() {
   limit[Quantity::kSlip] = 0.015;
   limit[Quantity::kEdgeDistance] = 0.020;
   limit[Quantity::kFeedForwardError] = 1.0;
+  for (const Quantity held :
+       {Quantity::kHeightHeld, Quantity::kStartHeld, Quantity::kMassHeld, Quantity::kTiltHeld})
+    limit[held] = 0.0;
 }
 
 bool operator==(const Acceptance& a, const Acceptance& b) {
-  return a.uncertainty.friction_share == b.uncertainty.friction_share &&
-         a.uncertainty.mass_share == b.uncertainty.mass_share && a.limit.values == b.limit.values &&
+  return a.uncertainty == b.uncertainty && a.limit.values == b.limit.values &&
          a.at_samples_moment == b.at_samples_moment && a.stored_tolerance == b.stored_tolerance;
 }
 
@@ -40,11 +42,16 @@ Acceptance load_acceptance(const std::filesystem::path& file) {
   root.allow_only({"uncertainty", "limits", "residual_moment_at_samples", "stored_tolerance"});
   Acceptance acceptance;
   if (const auto node = root.find("uncertainty")) {
-    node->allow_only({"friction_share", "mass_share"});
+    node->allow_only({"friction_share", "mass_share", "height", "start_position", "start_yaw"});
     if (const auto x = node->find("friction_share"))
       acceptance.uncertainty.friction_share = x->positive();
     if (const auto x = node->find("mass_share"))
       acceptance.uncertainty.mass_share = x->non_negative();
+    if (const auto x = node->find("height")) acceptance.uncertainty.height = x->non_negative();
+    if (const auto x = node->find("start_position"))
+      acceptance.uncertainty.start_position = x->positive();
+    if (const auto x = node->find("start_yaw"))
+      acceptance.uncertainty.start_yaw = x->non_negative();
     if (acceptance.uncertainty.friction_share > 1.0 || acceptance.uncertainty.mass_share >= 0.5)
       node->fail("expected a friction_share up to 1 and a mass_share below 0.5");
   }

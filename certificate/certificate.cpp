@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <fstream>
@@ -33,7 +34,10 @@ Json limits_json(const Acceptance& acceptance) {
 Json acceptance_json(const Acceptance& acceptance) {
   return {{"uncertainty",
            {{"friction_share", acceptance.uncertainty.friction_share},
-            {"mass_share", acceptance.uncertainty.mass_share}}},
+            {"mass_share", acceptance.uncertainty.mass_share},
+            {"height", acceptance.uncertainty.height},
+            {"start_position", acceptance.uncertainty.start_position},
+            {"start_yaw", acceptance.uncertainty.start_yaw}}},
           {"limits", limits_json(acceptance)},
           {"residual_moment_at_samples", acceptance.at_samples_moment},
           {"stored_tolerance", acceptance.stored_tolerance}};
@@ -44,6 +48,9 @@ Acceptance acceptance_of(const Json& json) {
   const Json& uncertainty = json.at("uncertainty");
   acceptance.uncertainty.friction_share = uncertainty.at("friction_share").get<double>();
   acceptance.uncertainty.mass_share = uncertainty.at("mass_share").get<double>();
+  acceptance.uncertainty.height = uncertainty.at("height").get<double>();
+  acceptance.uncertainty.start_position = uncertainty.at("start_position").get<double>();
+  acceptance.uncertainty.start_yaw = uncertainty.at("start_yaw").get<double>();
   for (std::size_t q = 0; q < kQuantityCount; ++q)
     if (kQuantities[q].sense != Sense::kRecord)
       acceptance.limit.values[q] = json.at("limits").at(kQuantities[q].name).get<double>();
@@ -58,43 +65,90 @@ std::string percent(double share) {
   return text;
 }
 
+/// What was asked for against what the margins hold for, by the worst sample.
+Json uncertainty_json(const Certificate& certificate) {
+  const Uncertainty& u = certificate.header.acceptance.uncertainty;
+  const auto held = [&](Quantity q) { return std::max(0.0, worst_of(certificate, q).proven); };
+  const double start = held(Quantity::kStartHeld);
+  Json rows = Json::array();
+  const auto row = [&](const char* what, const char* unit, double stated, double holds) {
+    rows.push_back({{"what", what},
+                    {"unit", unit},
+                    {"stated", stated},
+                    {"holds", holds},
+                    {"covered", holds >= stated}});
+  };
+  // Forces outside of these cones refuse the certificate.
+  const double friction = u.friction_share * certificate.header.friction;
+  rows.push_back({{"what", "friction, at least"},
+                  {"unit", ""},
+                  {"stated", friction},
+                  {"holds", friction},
+                  {"covered", true}});
+  row("obstacle height", "m", u.height, held(Quantity::kHeightHeld));
+  row("start position", "m", u.start_position, start * u.start_position);
+  row("start yaw", "rad", u.start_yaw, start * u.start_yaw);
+  row("every single mass", "share", u.mass_share, held(Quantity::kMassHeld));
+  row("tilt of the ground", "rad", 0.0, held(Quantity::kTiltHeld));
+  return rows;
+}
+
 /// What the margins hold for, and what nobody should read into them.
 Json coverage_json(const Certificate& certificate) {
   const CertificateHeader& h = certificate.header;
   const Uncertainty& u = h.acceptance.uncertainty;
-  const double certified = u.friction_share * h.friction;
-  char text[300];
+  const auto held = [&](Quantity q) { return std::max(0.0, worst_of(certificate, q).proven); };
+  char text[400];
   Json covered = Json::array(), open = Json::array();
+  const auto note = [&](bool holds) { (holds ? covered : open).push_back(text); };
+  const double certified = u.friction_share * h.friction;
   std::snprintf(text, sizeof text,
                 "friction %.3g and above on every surface (the scenario's is %.3g): the contact "
                 "forces lie in the cones of %.3g",
                 certified, h.friction, certified);
-  covered.push_back(text);
+  note(true);
   covered.push_back("all masses larger or smaller by up to " + percent(u.mass_share) +
                     " together: forces and torques scale alike, cones do not care, and "
                     "torque_slack_heavy holds");
-  (worst_of(certificate, Quantity::kSupportMarginMass).proven >= 0.0 ? covered : open)
-      .push_back("single links' masses wrong by up to " + percent(u.mass_share) +
-                 ", as to the centre of mass above its support: support_margin_mass");
-  open.push_back("single links' masses, as to joint torques and contact forces");
+  const double mass = held(Quantity::kMassHeld);
+  std::snprintf(text, sizeof text,
+                "every single mass wrong by up to %.3g %%, in any combination, as to torques and "
+                "friction cones: mass_held (at the samples; stated: %.3g %%)",
+                100.0 * mass, 100.0 * u.mass_share);
+  note(mass >= u.mass_share);
+  const double height = held(Quantity::kHeightHeld);
   std::snprintf(text, sizeof text,
                 "an obstacle higher by up to %.1f mm, as to links that shall not touch it: "
-                "obstacle_clearance",
-                1e3 * worst_of(certificate, Quantity::kObstacleClearance).proven);
-  covered.push_back(text);
+                "height_held (stated: %.1f mm)",
+                1e3 * height, 1e3 * u.height);
+  note(height >= u.height);
+  const double start = held(Quantity::kStartHeld);
+  std::snprintf(
+      text, sizeof text,
+      "a start up to %.1f mm and %.2f degrees elsewhere, the obstacle's height wrong as "
+      "well, as to links that shall not touch, legs that swing past its faces, and contacts "
+      "that stay on its top: start_held (stated: %.1f mm and %.2f degrees)",
+      1e3 * start * u.start_position, start * u.start_yaw * 180.0 / M_PI, 1e3 * u.start_position,
+      u.start_yaw * 180.0 / M_PI);
+  note(start >= 1.0);
   std::snprintf(text, sizeof text,
-                "obstacle height, +-1 cm included, as to contacts and forces: they are checked at "
-                "%.4g m",
-                h.obstacle_height);
-  open.push_back(text);
-  open.push_back(
-      "start pose, +-2 cm and +-2 degrees included: contacts move with the robot; "
-      "edge_distance says how far they may go on their surface, clearances are not "
-      "covered");
+                "ground, obstacle and all tilted by up to %.2f degrees, as to the centre of mass "
+                "above its support: tilt_held",
+                held(Quantity::kTiltHeld) * 180.0 / M_PI);
+  note(true);
+  std::snprintf(
+      text, sizeof text,
+      "contact forces and joint torques with the obstacle at another height: they are "
+      "checked at %.4g m; contacts then land earlier or later, and the joints' compliance "
+      "takes it up",
+      h.obstacle_height);
+  note(false);
+  open.push_back("links beside a contact on the same surface, where the start is elsewhere");
   open.push_back(
       "inertia: the forces balance the robot at rest; support_margin_moving is what its "
       "motion leaves, at the samples");
-  return {{"covered", covered}, {"not_covered", open}};
+  return {
+      {"uncertainty", uncertainty_json(certificate)}, {"covered", covered}, {"not_covered", open}};
 }
 
 Json worst_json(const Certificate& certificate) {

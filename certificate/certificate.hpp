@@ -3,7 +3,7 @@
 // Start-up and tools only: allocates, reads and writes files, throws InputError.
 //
 // File: one line of JSON (the header), then the samples, little-endian:
-//   per sample  f64 time | u64 touching points (bit i: candidate i) | f64 value[23] | f64 gap[23] |
+//   per sample  f64 time | u64 touching points (bit i: candidate i) | f64 value[27] | f64 gap[27] |
 //               f64[3] force per set bit, in bit order.
 #pragma once
 

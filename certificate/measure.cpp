@@ -165,6 +165,9 @@ Measured Measure::measure(TouchMask mask, PointForces forces, double force_rates
   measure_contacts(mask, out);
   measure_surroundings(out);
   measure_self(out);
+  measure_height_and_start(mask, out);
+  measure_tilt(out);
+  measure_masses(mask, forces, out);
   out.value[Quantity::kComX] = data_.com.x();
   out.value[Quantity::kComY] = data_.com.y();
   out.value[Quantity::kComZ] = data_.com.z();
@@ -392,14 +395,15 @@ void Measure::measure_contacts(TouchMask mask, Measured& out) noexcept {
 /// contact of its body, or is about to touch or just came off, may be near; all others are free.
 Measure::Class Measure::classify(std::size_t geom, int surface) const noexcept {
   const MotionSegment& segment = motion_.segments[sample_.segment];
-  bool near = false;
+  bool near = false, landing = false;
   for (std::size_t c = 0; c < model_.contacts.size(); ++c) {
     const bool own = geoms_[geom].own_link == static_cast<int>(c);
     if (!own && model_.contacts[c].body != model_.geoms[geom].body) continue;
     if (own && segment.surface[c] == surface) return Class::kIgnored;
-    near |= segment.surface[c] == surface || segment.approach[c] == surface;
+    near |= segment.surface[c] == surface;
+    landing |= segment.approach[c] == surface;
   }
-  return near ? Class::kNear : Class::kFree;
+  return near ? Class::kNear : landing ? Class::kLanding : Class::kFree;
 }
 
 void Measure::measure_surroundings(Measured& out) const noexcept {
@@ -411,7 +415,7 @@ void Measure::measure_surroundings(Measured& out) const noexcept {
     const double height = lowest_height(geom.core);
     if (height < kFar) {
       const Class type = classify(g, kFloorSurface);
-      if (type != Class::kIgnored) (type == Class::kNear ? near : floor).take(height, lost);
+      if (type != Class::kIgnored) (type == Class::kFree ? floor : near).take(height, lost);
     }
     for (std::size_t o = 0; o < obstacles_.size(); ++o) {
       // A sphere around the link against the box, first: most links are far away.
@@ -422,7 +426,7 @@ void Measure::measure_surroundings(Measured& out) const noexcept {
       if (away > kFar) continue;
       const Class type = classify(g, static_cast<int>(o));
       if (type == Class::kIgnored) continue;
-      (type == Class::kNear ? near : obstacle)
+      (type == Class::kFree ? obstacle : near)
           .take(convex_distance(geom.core, obstacles_[o]), lost);
     }
   }

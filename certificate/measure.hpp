@@ -20,6 +20,11 @@ namespace clamber {
 struct Uncertainty {
   double friction_share = 0.625;  ///< of the scenario's coefficient: 0.5 of 0.8
   double mass_share = 0.05;       ///< of every link's mass, up or down
+  double height = 0.01;           ///< m, of the obstacle, up or down
+  double start_position = 0.02;   ///< m in any direction, of the mid-point between the soles
+  double start_yaw = 0.035;       ///< rad about it, either way
+
+  friend bool operator==(const Uncertainty&, const Uncertainty&) = default;
 };
 
 /// A sample's values, and by how much each may be worse between it and half way to its neighbours.
@@ -39,6 +44,10 @@ using PointForces = std::span<const Eigen::Vector3d>;
 class Measure {
  public:
   static constexpr double kFar = 0.1;  ///< m: distances are looked at up to here
+  // Uncertainty is looked at up to here.
+  static constexpr double kMostHeight = 0.03;  ///< m
+  static constexpr double kMostStart = 2.0;    ///< of the start's uncertainty
+  static constexpr double kMostMass = 0.5;     ///< of every mass
 
   Measure(const RobotModel& model, const Scenario& scenario, const PlannedMotion& motion,
           const Uncertainty& uncertainty);
@@ -67,7 +76,8 @@ class Measure {
   [[nodiscard]] Measured measure(TouchMask mask, PointForces forces, double force_rates) noexcept;
 
  private:
-  enum class Class : unsigned char { kIgnored, kNear, kFree };
+  /// kNear: lies beside a contact of its body. kLanding: about to touch, or just came off.
+  enum class Class : unsigned char { kIgnored, kNear, kLanding, kFree };
   struct GeomInfo {
     double reach = 0.0;  // m, farthest point from its body's origin
     int own_link = -1;   // contact link whose geom it is
@@ -93,6 +103,11 @@ class Measure {
   void measure_contacts(TouchMask mask, Measured& out) noexcept;
   void measure_surroundings(Measured& out) const noexcept;
   void measure_self(Measured& out) const noexcept;
+  // What an uncertain world leaves (measure_uncertainty.cpp).
+  void measure_height_and_start(TouchMask mask, Measured& out) const noexcept;
+  void measure_tilt(Measured& out) const noexcept;
+  void measure_masses(TouchMask mask, PointForces forces, Measured& out) const noexcept;
+  [[nodiscard]] double start_displacement(const Eigen::Vector3d& p, double reach) const noexcept;
   [[nodiscard]] Eigen::Vector2d zero_moment_point() const noexcept;
   [[nodiscard]] double edge_distance(const Eigen::Vector3d& p, int surface) const noexcept;
 

@@ -28,11 +28,16 @@ enum class Quantity : unsigned char {
   kSlip,                 ///< farthest that a touching point's material has moved since it touched
   kEdgeDistance,         ///< least distance of a touching point from the edge of its surface
   kFeedForwardError,     ///< largest |plan's interpolated torque - torque of the witness forces|
-  kComX,                 ///< records, not judged: the centre of mass
+  kHeightHeld,           ///< largest error of the obstacle's height at which nothing is hit
+  kStartHeld,  ///< largest share of the start's uncertainty at which nothing is hit and contacts
+               ///< stay on their surfaces, the height wrong as well
+  kMassHeld,   ///< largest share that every single mass may be wrong by, as to torques and cones
+  kTiltHeld,   ///< largest angle of the ground at which the centre of mass stays supported
+  kComX,       ///< records, not judged: the centre of mass
   kComY,
   kComZ,
 };
-inline constexpr std::size_t kQuantityCount = 23;
+inline constexpr std::size_t kQuantityCount = 27;
 
 enum class Sense : unsigned char { kSlack, kError, kRecord };
 
@@ -63,6 +68,10 @@ inline constexpr std::array<QuantityInfo, kQuantityCount> kQuantities = {{
     {"slip", "m", Sense::kError},
     {"edge_distance", "m", Sense::kSlack},
     {"feed_forward_error", "N m", Sense::kError},
+    {"height_held", "m", Sense::kSlack},
+    {"start_held", "1", Sense::kSlack},
+    {"mass_held", "1", Sense::kSlack},
+    {"tilt_held", "rad", Sense::kSlack},
     {"com_x", "m", Sense::kRecord},
     {"com_y", "m", Sense::kRecord},
     {"com_z", "m", Sense::kRecord},

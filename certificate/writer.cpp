@@ -17,7 +17,7 @@ constexpr double kCornerTouches = 1e-3;
 
 /// Share of the certified friction that keyframes' forces may use: the rest is for the correction
 /// between keyframes.
-constexpr double kConeUsed = 0.97;
+constexpr double kConeUsed = 0.9;
 
 constexpr double kEvenShare = 1e-8;  // 1/N^2 in the program's objective
 

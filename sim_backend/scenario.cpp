@@ -118,7 +118,6 @@ Scenario read_scenario(const YamlNode& root) {
 struct Soles {
   std::vector<Eigen::Vector3d> corners;
   std::array<Eigen::Vector3d, 2> centers{};
-  Eigen::Vector3d heading = Eigen::Vector3d::Zero();
 };
 
 Soles find_soles(const RobotModel& model, const Configuration& x) {
@@ -140,7 +139,6 @@ Soles find_soles(const RobotModel& model, const Configuration& x) {
       center += soles.corners.back() / static_cast<double>(contact.points.size());
     }
     soles.centers[feet++] = center;
-    soles.heading += X_WB.R.col(0);
   }
   if (feet != soles.centers.size()) {
     throw InputError(model.name + ": start pose: expected two feet (patch contacts), found " +
@@ -246,7 +244,7 @@ Configuration start_configuration(const RobotModel& model, const Scenario& scena
   x.q = model.home;
   const Eigen::Vector3d up = plane_normal(find_soles(model, x).corners);
   x.X_WB.R = Eigen::Quaterniond::FromTwoVectors(up, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-  const Eigen::Vector3d heading = find_soles(model, x).heading;
+  const Eigen::Vector3d heading = x.X_WB.R.col(0);  // the base's x axis; a foot's may point anywhere
   const double turn = scenario.start_yaw - std::atan2(heading.y(), heading.x());
   x.X_WB.R = Eigen::AngleAxisd(turn, Eigen::Vector3d::UnitZ()).toRotationMatrix() * x.X_WB.R;
   const Soles soles = find_soles(model, x);

@@ -81,6 +81,10 @@ void print(const char* name, const Figures& f) {
 }
 
 int run(int argc, char** argv) {
+  // It switches on whatever is there.
+  const char* vcan = std::getenv("CLAMBER_VCAN");
+  if (vcan == nullptr || std::string(vcan) != "required")
+    throw InputError("runs under tests/vcan/vcan_run only: elsewhere can0 may be a robot");
   const std::string source = CLAMBER_SOURCE_DIR;
   const RobotModel robot = load_robot(source + "/configs/robots/coman/robot.yaml");
   BusMap map = load_bus_map(argc > 1 ? argv[1] : source + "/configs/hal/coman_mit.yaml", robot);

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <limits>
+#include <map>
+#include <optional>
 #include <set>
 
 #include "planner_offline/planning_failed.hpp"
@@ -55,7 +57,10 @@ struct Builder {
   std::set<int> standing;  // links on the floor
   std::set<int> resting;   // links on the obstacle
   std::vector<Move> moves;
+  std::map<std::string, std::string> stands_for;  // a knee in its foot's place -> the foot
 
+  [[nodiscard]] double touched(const std::string& link) const;
+  [[nodiscard]] std::optional<ContactReference> kneeling(const ContactReference& foot) const;
   void add_state(std::size_t index);
   void add_move(std::size_t state, const std::vector<ContactReference>& landing);
   void refuse_unreached_goals() const;
@@ -85,11 +90,45 @@ void Builder::add_move(std::size_t state, const std::vector<ContactReference>& l
   moves.push_back(move);
 }
 
+double Builder::touched(const std::string& link) const {
+  const auto foot = stands_for.find(link);
+  return first_touch(sequence, foot == stands_for.end() ? link : foot->second);
+}
+
+/// Where the demonstration steps up and the goal asks for the leg's knee, which the demonstration
+/// never sets down: the knee goes where the foot went.
+std::optional<ContactReference> Builder::kneeling(const ContactReference& foot) const {
+  const auto& limb = model.contacts[static_cast<std::size_t>(link_index(model, foot.link))].limb;
+  for (const std::string& name : scenario.goal_contacts) {
+    const ContactLink& wanted = model.contacts[static_cast<std::size_t>(link_index(model, name))];
+    const bool shown = std::any_of(
+        sequence.reduced.begin(), sequence.reduced.end(), [&](const ContactState& state) {
+          return std::any_of(state.obstacle.begin(), state.obstacle.end(),
+                             [&](const ContactReference& c) { return c.link == name; });
+        });
+    if (wanted.limb == limb && !wanted.is_patch && !shown) {
+      ContactReference knee = foot;
+      knee.link = name;
+      return knee;
+    }
+  }
+  return std::nullopt;
+}
+
 void Builder::add_state(std::size_t index) {
   std::vector<ContactReference> fresh;
   for (const ContactReference& contact : sequence.reduced[index].obstacle) {
     const int link = link_index(model, contact.link);
     if (model.contacts[static_cast<std::size_t>(link)].is_patch) {
+      if (const auto knee = kneeling(contact)) {
+        if (stands_for.emplace(knee->link, contact.link).second) {
+          notes.push_back("state " + std::to_string(index + 1) + ": " + contact.link +
+                          " on the obstacle: the goal asks for " + knee->link +
+                          ", which goes in its place");
+          fresh.push_back(*knee);
+        }
+        continue;
+      }
       notes.push_back("state " + std::to_string(index + 1) + ": " + contact.link +
                       " on the obstacle is left out: this goal ends on knees and elbows");
       continue;
@@ -99,7 +138,7 @@ void Builder::add_state(std::size_t index) {
     }
   }
   std::stable_sort(fresh.begin(), fresh.end(), [this](const auto& a, const auto& b) {
-    return first_touch(sequence, a.link) < first_touch(sequence, b.link);
+    return touched(a.link) < touched(b.link);
   });
   while (!fresh.empty()) {
     std::vector<ContactReference> together{fresh.front()};
@@ -111,9 +150,7 @@ void Builder::add_state(std::size_t index) {
                  model.contacts[static_cast<std::size_t>(first)].limb;
         });
     for (auto it = fresh.begin(); arm && it != fresh.end(); ++it) {
-      const bool near_in_time =
-          first_touch(sequence, it->link) - first_touch(sequence, together.front().link) <=
-          kTogether;
+      const bool near_in_time = touched(it->link) - touched(together.front().link) <= kTogether;
       if (near_in_time && are_a_pair(model, first, link_index(model, it->link))) {
         together.push_back(*it);
         fresh.erase(it);

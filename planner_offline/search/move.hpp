@@ -28,7 +28,8 @@ struct Move {
 };
 
 /// Orders the reduced states' new contacts as they were first touched, one limb pair at a time, and
-/// adds goal contacts that the recording lacks (said in `notes`).
+/// adds goal contacts that the recording lacks; a leg that the recording sets on its foot kneels
+/// where the goal asks for its knee (both said in `notes`).
 /// A link moves where it first rests on the obstacle: a state that brings none anew, because
 /// contacts were given up or made again elsewhere, asks for no move.
 /// @throws InputError     a state or the goal names a link that the robot lacks
