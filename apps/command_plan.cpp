@@ -8,6 +8,7 @@
 #include "apps/config_files.hpp"
 #include "apps/job_failed.hpp"
 #include "apps/steps.hpp"
+#include "apps/sweep_case.hpp"
 
 namespace clamber {
 namespace {
@@ -56,7 +57,7 @@ void run(const Options& options) {
   std::cout << describe(result, model, recorded ? recorded->notes : std::vector<std::string>());
   std::cout << "order:       " << joined(contact_order(result.plan)) << '\n';
   if (options.no_recording && recorded)
-    std::cout << "recorded:    " << joined(contact_order(*recorded)) << '\n';
+    std::cout << "recorded:    " << contact_order(*recorded) << '\n';
   std::cout << std::flush;
   const Certification certification = certify_plan(model, scenario, options.files);
   std::cout << describe(certification) << "written:     " << options.files.plan << '\n';

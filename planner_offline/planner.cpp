@@ -4,7 +4,6 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <set>
 
 #include "planner_offline/search/goal_search.hpp"
 #include "planner_offline/search/invented_sequence.hpp"
@@ -333,23 +332,6 @@ PlanningResult plan_without_recording(const RobotModel& model, const Scenario& s
     }
   }
   throw PlanningFailed("without a recording: " + why, std::make_shared<const PlanningLog>(log));
-}
-
-std::vector<std::string> contact_order(const ContactSequence& sequence) {
-  std::vector<std::string> order;
-  std::set<std::string> seen;
-  for (const ContactState& state : sequence.states) {
-    std::string together;
-    for (const ContactReference& contact : state.obstacle) {
-      if (seen.insert(contact.link).second) {
-        together += (together.empty() ? "" : "+") + contact.link;
-      }
-    }
-    if (!together.empty()) {
-      order.push_back(together);
-    }
-  }
-  return order;
 }
 
 std::vector<std::string> contact_order(const Plan& plan) {

@@ -61,7 +61,5 @@ using PlanCheck = std::function<std::string(const Plan&)>;
 
 /// The links that land, in their order; those that land together joined by '+'.
 [[nodiscard]] std::vector<std::string> contact_order(const Plan& plan);
-/// The same of a recording: links on the obstacle, in the order of their first touches.
-[[nodiscard]] std::vector<std::string> contact_order(const ContactSequence& sequence);
 
 }  // namespace clamber
