@@ -36,8 +36,8 @@ TEST(Canbusload, CountsTheSameBits) {
       }
     }
     const std::string line = "canbusload -e " + interface + "@1000000 >'" + out +
-                             "' & p=$!; sleep 0.5; canplayer -I '" + log + "' " + interface +
-                             "=vcan0; sleep 2.5; kill $p";
+                             "' & p=$!; sleep 2; canplayer -I '" + log + "' " + interface +
+                             "=vcan0; sleep 4; kill $p";
     ASSERT_EQ(std::system(line.c_str()), 0);
     // "vcan0@1000000  <frames> <bits> <payload bits> <load>%" once a second.
     std::ifstream in(out);

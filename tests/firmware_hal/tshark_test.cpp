@@ -10,6 +10,8 @@
 #include <sstream>
 
 #include "firmware_hal/candump.hpp"
+#include "firmware_hal/virtual_drives/bench_plant.hpp"
+#include "firmware_hal/virtual_drives/cia402_drive.hpp"
 #include "tests/firmware_hal/bench_drives.hpp"
 
 namespace clamber {
@@ -177,6 +179,58 @@ TEST_F(Tshark, FindsNothingWrongInASession) {
   EXPECT_EQ(services["0x00000629"], services["0x000005a9"]);
   EXPECT_EQ(services["0x00000000"], 2);   // pre-operational, start
   EXPECT_EQ(services["0x00000701"], 15);  // the host's heartbeat
+}
+
+/// What a virtual drive says in its life: boot-up, configuration, process data, heartbeats, a
+/// broken winding, a refused object, a lost host.
+TEST_F(Tshark, FindsNothingWrongInAVirtualDrive) {
+  const Cia402Drive codec{41, Cia402Mode::kCyclicPosition, 1e5, 0.02, 54.0};
+  Cia402Motor motor;
+  motor.rated_torque = 20.0;
+  motor.gear_ratio = 100.0;
+  VirtualCia402Drive drive(codec, motor, {}, 1e-3);
+  Cia402Host host({});
+  ASSERT_TRUE(host.add_drive(codec, {}, 0.2));
+  std::vector<CanFrame> log;
+  const auto collect = [&](bool heard) {
+    for (const CanFrame& frame : drive.outbox().frames()) {
+      log.push_back(frame);
+      if (heard) (void)host.receive(frame);
+    }
+    drive.outbox().clear();
+  };
+  FrameList frames;
+  std::array<JointState, 1> states{};
+  const std::array<JointCommand, 1> commands{};
+  drive.boot();
+  for (int tick = 0; tick < 400; ++tick) {
+    if (tick == 100) host.set_goal(HostGoal::kOn);
+    if (tick == 200) drive.break_down(0x4310);
+    if (tick == 210) drive.receive(encode_sdo({SdoKind::kUpload, 41, 0x2000, 0, 0, 0}, true));
+    host.begin_tick(commands, frames);
+    for (const CanFrame& frame : frames.frames())
+      if (tick < 300) drive.receive(frame);
+    collect(tick < 300);
+    host.end_tick(states);
+    drive.pass();
+    collect(tick < 300);
+  }
+  std::map<std::string, int> services;
+  std::vector<std::string> emergencies;
+  int aborts = 0;
+  for (const Dissected& row : dissect(log)) {
+    ASSERT_TRUE(row.contains("canopen.cob_id"));
+    EXPECT_FALSE(row.contains("_ws.malformed"));
+    EXPECT_FALSE(row.contains("_ws.expert"));
+    services[row.at("canopen.cob_id")] += 1;
+    if (row.contains("canopen.em.err_code")) emergencies.push_back(row.at("canopen.em.err_code"));
+    aborts += row.contains("canopen.sdo.abort_code") ? 1 : 0;
+  }
+  EXPECT_EQ(emergencies, (std::vector<std::string>{"0x4310", "0x8130"}));
+  EXPECT_EQ(aborts, 1);
+  EXPECT_GT(services["0x000001a9"], 200);
+  EXPECT_GT(services["0x00000729"], 15);
+  EXPECT_EQ(services["0x000005a9"], static_cast<int>(cia402_step_count(codec)) + 1);
 }
 
 }  // namespace

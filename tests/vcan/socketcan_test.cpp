@@ -246,6 +246,12 @@ class BenchThread {
 
 class VcanBus : public testing::Test {
  protected:
+  /// A busy machine may not manage five complete ticks in a row at once.
+  static bool switched_on(SocketCanBus& buses) {
+    for (int i = 0; i < 6; ++i)
+      if (buses.bus().enable() == BusStatus::kOk) return true;
+    return false;
+  }
   /// Ticks of 1 ms on the clock. @return how many were complete
   int ticks(CanMotorBus& bus, int count) {
     int complete = 0;
@@ -271,7 +277,7 @@ TEST_F(VcanBus, RunsAllJointsSurvivesAnUnpluggedBusAndEndsOff) {
   const BusMap map = test::shipped_map("coman_mit.yaml");
   BenchThread bench(map);
   SocketCanBus buses(map);
-  ASSERT_EQ(buses.bus().enable(), BusStatus::kOk) << buses.trouble();
+  ASSERT_TRUE(switched_on(buses)) << buses.trouble();
   EXPECT_EQ(bench.enabled(), 23);
   // A machine that is shared loses ticks; most of them would be another matter.
   EXPECT_GT(ticks(buses.bus(), 300), 60);
@@ -314,7 +320,7 @@ TEST_F(VcanBus, ExchangeAllocatesNothing) {
   const BusMap map = test::shipped_map("coman_mit.yaml");
   BenchThread bench(map);
   SocketCanBus buses(map);
-  ASSERT_EQ(buses.bus().enable(), BusStatus::kOk) << buses.trouble();
+  ASSERT_TRUE(switched_on(buses)) << buses.trouble();
   std::uint64_t calls = 0;
   std::uint64_t missing = 0;
   for (int part = 0; part < 3; ++part) {
