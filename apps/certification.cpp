@@ -71,7 +71,8 @@ Certification verify_plan_file(const std::string& plan_file, const std::string& 
   std::error_code error;
   if (!std::filesystem::exists(certificate_file, error))
     throw InputError(certificate_file + ": no such file: the plan has no certificate");
-  const std::string bytes = read_file(certificate_file, kPlanBytes), plan = read_file(plan_file, kPlanBytes);
+  const std::string bytes = read_file(certificate_file, kPlanBytes),
+                    plan = read_file(plan_file, kPlanBytes);
   const Certificate certificate = parse_certificate(bytes, certificate_file);
   Certification out{sha256_hex(bytes), {}, coverage_of(bytes)};
   if (const std::string sha256 = sha256_hex(plan); sha256 != certificate.header.plan_sha256) {

@@ -72,9 +72,10 @@ void add_plan_command(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "plan", "Finds a statically stable, torque-feasible climb along a contact sequence");
   auto* contacts = command->add_option("contacts", options->contacts, "contacts.yaml");
-  command->add_flag("--no-recording", options->no_recording,
-                    "searches for contacts, their order and places instead of taking a recording's; "
-                    "contacts.yaml is compared with then, if given");
+  command->add_flag(
+      "--no-recording", options->no_recording,
+      "searches for contacts, their order and places instead of taking a recording's; "
+      "contacts.yaml is compared with then, if given");
   command->add_option("-o,--out", options->files.plan, "the plan")->capture_default_str();
   command->add_option("--certificate", options->files.certificate, "its certificate (<plan>.cert)");
   command->add_option("--export", options->files.trajectory,

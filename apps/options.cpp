@@ -47,12 +47,13 @@ void add_scenario_options(CLI::App& command, ScenarioOptions& options) {
   command.add_option("--scenario", options.scenario, "obstacle, start pose and goal")
       ->capture_default_str();
   command.add_option("--height", options.height, "m, another height for the scenario's obstacle");
-  command.add_option("--goal", options.goal, "another goal: all_fours, stand_on_top, over, back_down")
-      ->transform(CLI::CheckedTransformer(
-          std::map<std::string, Goal>{{"all_fours", Goal::kAllFours},
-                                      {"stand_on_top", Goal::kStandOnTop},
-                                      {"over", Goal::kOver},
-                                      {"back_down", Goal::kBackDown}}));
+  command
+      .add_option("--goal", options.goal, "another goal: all_fours, stand_on_top, over, back_down")
+      ->transform(
+          CLI::CheckedTransformer(std::map<std::string, Goal>{{"all_fours", Goal::kAllFours},
+                                                              {"stand_on_top", Goal::kStandOnTop},
+                                                              {"over", Goal::kOver},
+                                                              {"back_down", Goal::kBackDown}}));
 }
 
 Scenario load_scenario(const ScenarioOptions& options) {

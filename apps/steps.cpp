@@ -103,9 +103,8 @@ PlanningResult plan_or_leave_log(const RobotModel& model, const Scenario& scenar
   const auto show = [&](double share, const std::string& what) { progress.update(share, what); };
   const auto check = [&](const Plan& plan) { return why_not_certified(plan, model, scenario); };
   try {
-    return sequence != nullptr
-               ? plan_climb(model, scenario, *sequence, settings, show, check)
-               : plan_without_recording(model, scenario, settings, show, check);
+    return sequence != nullptr ? plan_climb(model, scenario, *sequence, settings, show, check)
+                               : plan_without_recording(model, scenario, settings, show, check);
   } catch (const PlanningFailed& error) {
     progress.clear();
     if (error.log() == nullptr) throw;

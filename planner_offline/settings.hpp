@@ -47,12 +47,12 @@ struct SearchSettings {
   std::size_t touch_samples = 40;       ///< starts from which a posture that touches is sought
   std::size_t most_touch_postures = 4;  ///< of them kept, the cheapest first
   std::size_t most_way_nodes = 1500;    ///< tries of the trees that look for a way between postures
-  std::size_t order_attempts = 16;      ///< sets of places tried per contact order without a recording
-  std::size_t most_seeds = 3;           ///< of random starts tried before there is no plan
-  std::size_t seed = 1;                 ///< the first of them
-  double step_margin = 0.025;           ///< m, aimed at inside one sole while the other foot steps
-  double step_length = 0.08;            ///< m, longest step when walking on the obstacle
-  double step_turn = 0.35;              ///< rad, largest turn of a step
+  std::size_t order_attempts = 16;  ///< sets of places tried per contact order without a recording
+  std::size_t most_seeds = 3;       ///< of random starts tried before there is no plan
+  std::size_t seed = 1;             ///< the first of them
+  double step_margin = 0.025;       ///< m, aimed at inside one sole while the other foot steps
+  double step_length = 0.08;        ///< m, longest step when walking on the obstacle
+  double step_turn = 0.35;          ///< rad, largest turn of a step
 };
 
 /// Timing of the plan.

@@ -25,7 +25,7 @@ struct JudgeFigures {
 struct Summary {
   bool success = false;
   JudgeFigures judge;
-  double obstacle_height = 0.0;  ///< m
+  double obstacle_height = 0.0;       ///< m
   std::string outcome = "on top of";  ///< "the robot is <outcome> the obstacle": what the goal asks
   std::string recording;
   bool synthetic_recording = false;
@@ -47,10 +47,10 @@ struct Summary {
 void measure_peaks(const RunData& climb, const RunData* playback, Summary& summary);
 
 /// Keys: success, judge {final_contacts, floor_contacts, weight_on_obstacle, forbidden_contacts,
-/// rest_speed}, obstacle_height_m, outcome, recording, peak_torque_nm {plan {joint, value}, playback {..}},
-/// peak_torque_after_hands_nm, playback_success, planning_s {<stage>.., total}, real_time_factor,
-/// plan_sha256, log_sha256, and beyond: peak_torque_after_hands_joint, synthetic_recording,
-/// feed_forward, ballast_kg. What was not measured is null.
+/// rest_speed}, obstacle_height_m, outcome, recording, peak_torque_nm {plan {joint, value},
+/// playback {..}}, peak_torque_after_hands_nm, playback_success, planning_s {<stage>.., total},
+/// real_time_factor, plan_sha256, log_sha256, and beyond: peak_torque_after_hands_joint,
+/// synthetic_recording, feed_forward, ballast_kg. What was not measured is null.
 [[nodiscard]] nlohmann::ordered_json to_json(const Summary& summary);
 
 /// The same figures as a table for people.

@@ -10,8 +10,8 @@
 namespace clamber {
 
 // The most bytes a file may have, by kind: well above what real ones reach, well below memory.
-inline constexpr std::uintmax_t kSettingsBytes = std::uintmax_t{4} << 20;     ///< YAML, URDF, JSON
-inline constexpr std::uintmax_t kPlanBytes = std::uintmax_t{64} << 20;        ///< plans, certificates
+inline constexpr std::uintmax_t kSettingsBytes = std::uintmax_t{4} << 20;  ///< YAML, URDF, JSON
+inline constexpr std::uintmax_t kPlanBytes = std::uintmax_t{64} << 20;     ///< plans, certificates
 inline constexpr std::uintmax_t kRecordingBytes = std::uintmax_t{512} << 20;  ///< and motions
 inline constexpr std::uintmax_t kRunLogBytes = std::uintmax_t{4} << 30;       ///< half an hour
 

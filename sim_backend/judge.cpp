@@ -13,9 +13,9 @@ namespace clamber {
 /// Means over the window, per geom.
 struct ClimbJudge::Loads {
   explicit Loads(std::size_t geoms) : top(geoms), side(geoms), floor(geoms) {}
-  std::vector<double> top;    ///< N, normal force on the top face
-  std::vector<double> side;   ///< N, normal force on anything else of the obstacles
-  std::vector<double> floor;  ///< N
+  std::vector<double> top;      ///< N, normal force on the top face
+  std::vector<double> side;     ///< N, normal force on anything else of the obstacles
+  std::vector<double> floor;    ///< N
   double top_vertical = 0.0;    ///< N, vertical force through the top face
   double floor_vertical = 0.0;  ///< N
   /// Floor contacts along the way over the obstacle, from its middle, m.

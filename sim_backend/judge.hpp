@@ -29,12 +29,12 @@ struct ClimbVerdict {
   std::vector<std::string> floor_contacts;      ///< links that touched the floor in the window
   std::vector<std::string> forbidden_contacts;  ///< torso or pelvis links that carried force
   std::vector<std::string> side_contacts;       ///< links loaded on the obstacle, not on its top
-  std::vector<std::string> missing_contacts;    ///< goal contacts that do not carry where they are to
-  std::vector<std::string> unwanted_contacts;   ///< links that carry besides the soles, where only
-                                                ///< soles are to
-  double weight_on_obstacle = 0.0;              ///< share of the weight carried by the top, 0..1
-  double weight_on_floor = 0.0;                 ///< share carried by the floor, 0..1
-  bool was_on_top = false;      ///< at some time the top carried the weight and the floor nothing
+  std::vector<std::string> missing_contacts;  ///< goal contacts that do not carry where they are to
+  std::vector<std::string> unwanted_contacts;  ///< links that carry besides the soles, where only
+                                               ///< soles are to
+  double weight_on_obstacle = 0.0;             ///< share of the weight carried by the top, 0..1
+  double weight_on_floor = 0.0;                ///< share carried by the floor, 0..1
+  bool was_on_top = false;        ///< at some time the top carried the weight and the floor nothing
   bool on_the_right_side = true;  ///< over, back_down: the soles are where the goal says
   double rest_speed = 0.0;  ///< greatest joint rate or base velocity in the window, rad/s or m/s
 };
@@ -45,9 +45,10 @@ struct ClimbVerdict {
 /// Watches samples and judges the last `window` seconds of them.
 ///
 /// Success, for the whole window and at rest, torso and pelvis touching nothing:
-///   all_fours     every goal contact is loaded on the top face of the scenario's first obstacle, no
-///                 other obstacle and no floor is touched, every obstacle contact is on the top face
-///                 and the top carries the weight
+///   all_fours     every goal contact is loaded on the top face of the scenario's first obstacle,
+///   no
+///                 other obstacle and no floor is touched, every obstacle contact is on the top
+///                 face and the top carries the weight
 ///   stand_on_top  the same with the soles as goal contacts, and nothing but soles carries
 ///   over          the robot has been on top; now soles alone carry, on the floor, behind the far
 ///                 face, and no obstacle is touched

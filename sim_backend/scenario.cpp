@@ -244,7 +244,8 @@ Configuration start_configuration(const RobotModel& model, const Scenario& scena
   x.q = model.home;
   const Eigen::Vector3d up = plane_normal(find_soles(model, x).corners);
   x.X_WB.R = Eigen::Quaterniond::FromTwoVectors(up, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-  const Eigen::Vector3d heading = x.X_WB.R.col(0);  // the base's x axis; a foot's may point anywhere
+  const Eigen::Vector3d heading =
+      x.X_WB.R.col(0);  // the base's x axis; a foot's may point anywhere
   const double turn = scenario.start_yaw - std::atan2(heading.y(), heading.x());
   x.X_WB.R = Eigen::AngleAxisd(turn, Eigen::Vector3d::UnitZ()).toRotationMatrix() * x.X_WB.R;
   const Soles soles = find_soles(model, x);

@@ -75,8 +75,7 @@ std::vector<Touch> GoalSearch::footprints(const Stance& stance) const {
     if (!model_.contacts[static_cast<std::size_t>(link)].is_patch) {
       continue;
     }
-    const Eigen::Vector3d from_middle =
-        touch_point(model_, data, link) - scenario_.start_position;
+    const Eigen::Vector3d from_middle = touch_point(model_, data, link) - scenario_.start_position;
     Eigen::Vector3d position(stance.position.x(), stance.position.y(), 0.0);
     position += turned(stance.heading - scenario_.start_yaw, from_middle);
     position.z() = surface_height(scenario_, kTop);
@@ -93,8 +92,9 @@ std::vector<Touch> GoalSearch::soles_of(const Node& node) const {
   for (Touch& foot : feet) {
     const int body = model_.contacts[static_cast<std::size_t>(foot.link)].body;
     foot.position = touch_point(model_, data, foot.link);
-    const Eigen::Matrix3d turn = data.X_WB[static_cast<std::size_t>(body)].R *
-                                 sole_pose(model_, {foot.link, kTop, foot.position, 0.0}).R.transpose();
+    const Eigen::Matrix3d turn =
+        data.X_WB[static_cast<std::size_t>(body)].R *
+        sole_pose(model_, {foot.link, kTop, foot.position, 0.0}).R.transpose();
     foot.heading = std::atan2(turn(1, 0), turn(0, 0));
   }
   return feet;
@@ -216,7 +216,8 @@ std::vector<Stretch> GoalSearch::close_up(Node& node, const Configuration& to) {
   std::vector<Configuration> path =
       ways_.find(node.x, to, {node.contacts, {}, settings_.search.step_margin});
   if (path.empty()) {
-    throw PlanningFailed("after the steps on top: no way to the posture that the way down begins in");
+    throw PlanningFailed(
+        "after the steps on top: no way to the posture that the way down begins in");
   }
   const std::vector<Configuration> rest = blend(path.back(), to);
   path.insert(path.end(), rest.begin(), rest.end());

@@ -66,8 +66,7 @@ std::vector<ContactChange> changes_towards(const RobotModel& model, const Contac
     }
     ContactChange change{{}, {touch}};
     for (const int link : held) {
-      if (link_of(model, link).limb == link_of(model, touch.link).limb &&
-          wanted.count(link) == 0) {
+      if (link_of(model, link).limb == link_of(model, touch.link).limb && wanted.count(link) == 0) {
         change.lifts.push_back(link);
       }
     }

@@ -26,7 +26,8 @@ class GraphSearch {
   GraphSearch(const RobotModel& model, Transition& transition, Progress progress)
       : model_(model), transition_(transition), progress_(std::move(progress)) {}
 
-  /// Depth first from `node`, which moves to the end; every contact set is tried from a few postures.
+  /// Depth first from `node`, which moves to the end; every contact set is tried from a few
+  /// postures.
   /// @return the stretches; empty when it is there already
   /// @throws PlanningFailed with the change that got nearest
   [[nodiscard]] std::vector<Stretch> find(const std::vector<Touch>& goal,

@@ -91,8 +91,12 @@ Rejection MotionSearch::shift_weight(const Move& move, double margin, const Touc
               settings_.search.support_margin - kept};
     }
   }
-  stretches.push_back(
-      {"shift off " + names_of(model_, move.lifts), Stretch::Kind::kMotion, moved.path, relaxed, {}, {}});
+  stretches.push_back({"shift off " + names_of(model_, move.lifts),
+                       Stretch::Kind::kMotion,
+                       moved.path,
+                       relaxed,
+                       {},
+                       {}});
   stretches.push_back({"unload " + names_of(model_, move.lifts),
                        Stretch::Kind::kLoad,
                        {moved.path.back()},
@@ -127,7 +131,8 @@ Rejection MotionSearch::swing(const Move& move, const SwingWay& way, const Touch
     goal.swings.push_back(path);
   }
   const MotionResult moved = steering_.move(node.x, goal);
-  const std::string name = (move.lifts.empty() ? "reach " : "swing ") + names_of(model_, move.lands);
+  const std::string name =
+      (move.lifts.empty() ? "reach " : "swing ") + names_of(model_, move.lands);
   if (!moved.reached) {
     return {name + ": " + moved.reason, moved.shortfall};
   }
@@ -141,8 +146,12 @@ Rejection MotionSearch::swing(const Move& move, const SwingWay& way, const Touch
     with.push_back(make_contact(model_, scenario_, data, link, move.surface));
   }
   press_outer_contacts(model_, scenario_, settings_.references.press, with);
-  stretches.push_back(
-      {"load " + names_of(model_, move.lands), Stretch::Kind::kLoad, {node.x}, node.contacts, with, {}});
+  stretches.push_back({"load " + names_of(model_, move.lands),
+                       Stretch::Kind::kLoad,
+                       {node.x},
+                       node.contacts,
+                       with,
+                       {}});
   node.contacts = with;
   return {};
 }
@@ -258,8 +267,8 @@ bool MotionSearch::used_up(std::size_t index) {
     return false;
   }
   if (result_.failure.empty()) {
-    result_.failure =
-        names_of(model_, (*moves_)[index].lands) + ": all candidates used up (search.most_candidates)";
+    result_.failure = names_of(model_, (*moves_)[index].lands) +
+                      ": all candidates used up (search.most_candidates)";
     result_.shortfall = kNominalShortfall;
   }
   return true;
@@ -283,7 +292,8 @@ bool MotionSearch::descend(std::size_t index, const Node& node) {
     if (placement.inward != 0.0 && move.lands.size() != 1) {
       continue;  // a pair keeps its width: it is what the support region lives on
     }
-    progress_(static_cast<int>(index), static_cast<int>(moves_->size()), names_of(model_, move.lands));
+    progress_(static_cast<int>(index), static_cast<int>(moves_->size()),
+              names_of(model_, move.lands));
     std::map<int, Eigen::Vector3d> wanted = move.references;
     for (auto& [link, reference] : wanted) {
       reference.x() += placement.forward;

@@ -160,9 +160,10 @@ bool tips(const RobotModel& model, const ContactSet& contacts,
     const std::vector<Eigen::Vector3d> points = contact_points(model, data, contacts);
     regions.emplace_back(points);
     margin.push_back(regions.back().margin(data.com.head<2>()));
-    ground.push_back(std::min_element(points.begin(), points.end(), [](const auto& a, const auto& b) {
-                       return a.z() < b.z();
-                     })->z());
+    ground.push_back(
+        std::min_element(points.begin(), points.end(), [](const auto& a, const auto& b) {
+          return a.z() < b.z();
+        })->z());
   }
   const Eigen::MatrixXd a = spline_accelerations(places, timed[1].time - timed[0].time);
   for (std::size_t k = 0; k < timed.size(); ++k) {

@@ -19,7 +19,9 @@ struct TouchSampler::Attempt {
   std::vector<int> landing;
   JointVector hint;
 
-  [[nodiscard]] const ContactSet& carrying() const { return supports.empty() ? contacts : supports; }
+  [[nodiscard]] const ContactSet& carrying() const {
+    return supports.empty() ? contacts : supports;
+  }
 };
 
 namespace {
@@ -50,8 +52,7 @@ constexpr double kReached = 4e-3;  // m
 Pose sole_pose(const RobotModel& model, const Touch& touch) {
   const ContactLink& link = model.contacts[static_cast<std::size_t>(touch.link)];
   Pose pose;
-  pose.R =
-      Eigen::AngleAxisd(touch.heading, Eigen::Vector3d::UnitZ()) * sole_axes(link).transpose();
+  pose.R = Eigen::AngleAxisd(touch.heading, Eigen::Vector3d::UnitZ()) * sole_axes(link).transpose();
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
   for (const Eigen::Vector3d& point : link.points) {
     centre += pose.R * point / static_cast<double>(link.points.size());
@@ -113,9 +114,9 @@ JointVector TouchSampler::hint_for(const TouchRequest& request, std::size_t star
   JointVector hint = (1.0 - share) * request.start.q + share * request.attractor;
   for (int j = 0; start > 1 && j < model_.joint_count(); ++j) {
     const Joint& joint = model_.joints[static_cast<std::size_t>(j)];
-    hint[j] = std::clamp(hint[j] + kSpread * normal(random_),
-                         joint.lower + settings_.ik.limit_margin,
-                         joint.upper - settings_.ik.limit_margin);
+    hint[j] =
+        std::clamp(hint[j] + kSpread * normal(random_), joint.lower + settings_.ik.limit_margin,
+                   joint.upper - settings_.ik.limit_margin);
   }
   return hint;
 }
@@ -124,8 +125,8 @@ JointVector TouchSampler::hint_for(const TouchRequest& request, std::size_t star
 void TouchSampler::relax(Attempt& attempt) {
   constexpr int kSteps = 40;
   for (int i = 0; i < kSteps; ++i) {
-    Task posture = posture_task(model_, attempt.x.q, attempt.hint,
-                                JointVector::Ones(model_.joint_count()));
+    Task posture =
+        posture_task(model_, attempt.x.q, attempt.hint, JointVector::Ones(model_.joint_count()));
     posture.e = shortened(posture.e, settings_.ik.joint_step);
     if (!advance(attempt, holding(model_, attempt.data, attempt.supports) / posture, false)) {
       return;
@@ -146,8 +147,8 @@ void TouchSampler::settle_soles(Attempt& attempt) {
       const Pose& X_WB = attempt.data.X_WB[static_cast<std::size_t>(link.body)];
       reach = std::max(reach, (X_WB * point - at).norm());
     }
-    touch.position = inside_surface(scenario_, touch.surface, at,
-                                    settings_.references.surface_margin + reach);
+    touch.position =
+        inside_surface(scenario_, touch.surface, at, settings_.references.surface_margin + reach);
     touch.heading = heading_of(attempt.x.X_WB.R);
   }
 }
@@ -182,8 +183,8 @@ void TouchSampler::reach(Attempt& attempt, double margin) {
   for (int i = 0; i < kSteps; ++i) {
     const SupportRegion region(contact_points(model_, attempt.data, attempt.carrying()));
     const Eigen::Vector2d com = attempt.data.com.head<2>();
-    Task posture = posture_task(model_, attempt.x.q, attempt.hint,
-                                JointVector::Ones(model_.joint_count()));
+    Task posture =
+        posture_task(model_, attempt.x.q, attempt.hint, JointVector::Ones(model_.joint_count()));
     posture.e = shortened(posture.e, settings_.search.posture_step);
     TaskStack stack;
     if (!attempt.supports.empty()) {

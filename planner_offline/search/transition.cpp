@@ -7,10 +7,10 @@
 namespace clamber {
 namespace {
 
-constexpr double kOff = 0.035;      // m that a link is lifted straight up, and comes down straight
+constexpr double kOff = 0.035;  // m that a link is lifted straight up, and comes down straight
 constexpr double kTolerance = 0.005;  // m, of the centre of mass
 constexpr double kKept = 0.75;        // of the support margin, all along a motion
-constexpr double kLeastOff = 0.01;  // m that will do
+constexpr double kLeastOff = 0.01;    // m that will do
 
 std::vector<int> links_of(const std::vector<Touch>& touches) {
   std::vector<int> links;
@@ -68,12 +68,8 @@ Rejection Transition::shift(const ContactChange& change, const TouchPosture& pos
   }
   stretches.push_back(
       {"shift off " + name, Stretch::Kind::kMotion, moved.path, node.contacts, {}, {}});
-  stretches.push_back({"unload " + name,
-                       Stretch::Kind::kLoad,
-                       {moved.path.back()},
-                       node.contacts,
-                       stay,
-                       {}});
+  stretches.push_back(
+      {"unload " + name, Stretch::Kind::kLoad, {moved.path.back()}, node.contacts, stay, {}});
   node = {moved.path.back(), stay};
   return {};
 }
@@ -120,7 +116,7 @@ MotionResult Transition::lower(const Configuration& x, const ContactSet& contact
 Rejection Transition::go(const ContactChange& change, const TouchPosture& posture, double margin,
                          Node& node, std::vector<Stretch>& stretches) {
   const std::vector<int> touching = links_of(posture.touches);
-  const std::string name = touching.empty() ? "lift " + names_of(model_, change.lifts)
+  const std::string name = touching.empty()       ? "lift " + names_of(model_, change.lifts)
                            : change.lifts.empty() ? "reach " + names_of(model_, touching)
                                                   : "swing " + names_of(model_, touching);
   Stretch stretch{name, Stretch::Kind::kMotion, {node.x}, node.contacts, {}, touching};
@@ -145,8 +141,7 @@ Rejection Transition::go(const ContactChange& change, const TouchPosture& postur
     above = over.path.back();
   }
   const std::vector<Configuration> way =
-      ways_.find(stretch.path.back(), above,
-                 {node.contacts, stretch.landing, kKept * margin});
+      ways_.find(stretch.path.back(), above, {node.contacts, stretch.landing, kKept * margin});
   if (way.empty()) {
     return {name + ": no way found between two postures (search.most_way_nodes)",
             kNominalShortfall};

@@ -22,8 +22,8 @@ class WaySearch {
   WaySearch(const RobotModel& model, const Clearance& clearance, const PlannerSettings& settings);
 
   /// Postures from `from` on, each an inverse-kinematics step after the one before, the last one
-  /// with the joint angles of `to`; empty: none found in search.most_way_nodes. Contacts roll along,
-  /// so that where rolling is concerned the end may lie a little beside `to`.
+  /// with the joint angles of `to`; empty: none found in search.most_way_nodes. Contacts roll
+  /// along, so that where rolling is concerned the end may lie a little beside `to`.
   [[nodiscard]] std::vector<Configuration> find(const Configuration& from, const Configuration& to,
                                                 const WayRules& rules);
 

@@ -75,9 +75,10 @@ void expect_self_contained(std::string html) {
 TEST(ReportHtml, SaysWhatHappened) {
   const std::string html = report_html(made_input(), no_pictures());
   for (const char* text :
-       {"is on top of the 0.275 m obstacle", "SYNTHETIC demonstration", "Lwrist, Rwrist", "s &gt; 0",
-        "s = 0", "under 5 min", "15 min", "13.75 s", "elbow contacts are missing &amp; were added",
-        "frames published", "no EGL surfaceless display", "demo &lt;table&gt;.mvnx"}) {
+       {"is on top of the 0.275 m obstacle", "SYNTHETIC demonstration", "Lwrist, Rwrist",
+        "s &gt; 0", "s = 0", "under 5 min", "15 min", "13.75 s",
+        "elbow contacts are missing &amp; were added", "frames published",
+        "no EGL surfaceless display", "demo &lt;table&gt;.mvnx"}) {
     EXPECT_THAT(html, HasSubstr(text));
   }
   expect_self_contained(html);
