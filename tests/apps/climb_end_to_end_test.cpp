@@ -119,5 +119,20 @@ TEST_F(ClimbEndToEnd, TheReportIsThere) {
     EXPECT_TRUE(summary().at("planning_s").contains(stage)) << stage;
 }
 
+/// The same plan over both drive protocols, on simulated buses: judged by the simulated contacts.
+TEST_F(ClimbEndToEnd, ClimbsOnVirtualDrivesOfBothProtocols) {
+  const auto rehearse = [](const test::TemporaryFolder* folder, const std::string& map) {
+    return test::clamber("run climb/plan.json --rehearse --hal configs/hal/" + map, folder->path());
+  };
+  auto other = std::async(std::launch::async, rehearse, second_, "coman_cia402.yaml");
+  const test::CommandResult mit = rehearse(first_, "coman_mit.yaml");
+  const test::CommandResult cia402 = other.get();
+  for (const test::CommandResult& result : {mit, cia402}) {
+    EXPECT_EQ(result.exit_code, 0) << result.error;
+    EXPECT_THAT(result.out, testing::HasSubstr("0 replies missing"));
+    EXPECT_THAT(result.out, testing::HasSubstr("judge:       success"));
+  }
+}
+
 }  // namespace
 }  // namespace clamber
