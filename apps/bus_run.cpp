@@ -77,11 +77,8 @@ std::string BusRun::failure(const RobotModel& model) const {
 BusRun run_on_buses(const RobotModel& model, const BusMap& map, const std::vector<std::byte>& image,
                     const BusRunOptions& options) {
   require_same_rate(map, options.control);
-  Controller controller;
-  std::vector<double> workspace(Controller::workspace_size(image.size() / sizeof(ImageKeyframe)));
-  const LoadReport loaded = controller.load(options.control, model.hash, image, workspace);
-  if (loaded.status != LoadStatus::kOk)
-    throw InputError("the controller refuses the plan: " + describe(loaded, model));
+  LoadedController loaded(model, options.control, image);
+  Controller& controller = loaded.controller;
 
   std::optional<FrameLog> frame_log;
   if (!options.frame_log.empty()) frame_log.emplace(options.frame_log, map);

@@ -4,6 +4,9 @@
 #include <csignal>
 #include <thread>
 
+#include "apps/controller_config.hpp"
+#include "robot_model/loader.hpp"
+
 namespace clamber {
 namespace {
 
@@ -30,6 +33,14 @@ TelemetryDescription description_of(const RobotModel& model) {
 }
 
 }  // namespace
+
+LoadedController::LoadedController(const RobotModel& model, const ControllerConfig& config,
+                                   std::span<const std::byte> image)
+    : workspace_(Controller::workspace_size(image.size() / sizeof(ImageKeyframe))) {
+  const LoadReport loaded = controller.load(config, model.hash, image, workspace_);
+  if (loaded.status != LoadStatus::kOk)
+    throw InputError("the controller refuses the plan: " + describe(loaded, model));
+}
 
 StopGuard::StopGuard()
     : interrupt_before_(std::signal(SIGINT, request_stop)),

@@ -1,13 +1,29 @@
-// What every executed plan needs around the run loop: telemetry over DDS and a way to stop it.
+// What every executed plan needs around the run loop: a controller with the plan loaded, telemetry
+// over DDS and a way to stop it.
 // Main thread, before and after the run; wait_for_room() between ticks. Allocates.
 #pragma once
 
 #include <atomic>
+#include <cstddef>
+#include <span>
+#include <vector>
 
+#include "control/controller.hpp"
 #include "robot_model/model.hpp"
 #include "telemetry/publisher.hpp"
 
 namespace clamber {
+
+/// A controller that has a plan image loaded, with the memory that it works in.
+struct LoadedController {
+  /// @throws InputError with what the controller has against the image
+  LoadedController(const RobotModel& model, const ControllerConfig& config,
+                   std::span<const std::byte> image);
+  Controller controller;
+
+ private:
+  std::vector<double> workspace_;
+};
 
 /// Turns SIGINT and SIGTERM into a request to stop for as long as it lives. One at a time.
 class StopGuard {

@@ -28,24 +28,6 @@ std::string joined(const std::vector<std::string>& names) {
   return text.empty() ? "none" : text;
 }
 
-/// What the judge minds, in one line.
-std::string objections(const ClimbVerdict& verdict) {
-  std::ostringstream out;
-  out.precision(3);
-  const auto list = [&](const char* what, const std::vector<std::string>& names) {
-    if (!names.empty()) out << (out.tellp() > 0 ? "; " : "") << what << ' ' << joined(names);
-  };
-  list("do not carry where they should:", verdict.missing_contacts);
-  list("carry and should not:", verdict.unwanted_contacts);
-  if (!verdict.on_the_right_side) list("soles are on the wrong side of", {"the obstacle"});
-  list("on the floor:", verdict.floor_contacts);
-  list("must not carry:", verdict.forbidden_contacts);
-  list("loaded on a side:", verdict.side_contacts);
-  out << (out.tellp() > 0 ? "; " : "") << "weight on the obstacle "
-      << 100.0 * verdict.weight_on_obstacle << " %; speed at rest " << verdict.rest_speed << " m/s";
-  return out.str();
-}
-
 }  // namespace
 
 bool SimulatedRun::success() const {
@@ -66,9 +48,9 @@ std::string SimulatedRun::failure(const RobotModel& model) const {
                                   ? " at " + model.joints[execution.fault_joint].name
                                   : "";
     return std::string("the controller gave up: ") + to_string(execution.fault) + joint + "; " +
-           objections(verdict);
+           describe(verdict);
   }
-  return objections(verdict);
+  return describe(verdict);
 }
 
 SimulatedRun run_in_simulation(const RobotModel& model, const Scenario& scenario,
@@ -79,12 +61,8 @@ SimulatedRun run_in_simulation(const RobotModel& model, const Scenario& scenario
   perturbation.springs |= options.springs;
   if (!options.perturbation) perturbation.step = control.dt;
   if (perturbation.springs) expect_springs(model, control);
-  Controller controller;
-  const std::size_t keyframes = image.size() / sizeof(ImageKeyframe);
-  std::vector<double> workspace(Controller::workspace_size(keyframes));
-  const LoadReport loaded = controller.load(control, model.hash, image, workspace);
-  if (loaded.status != LoadStatus::kOk)
-    throw InputError("the controller refuses the plan: " + describe(loaded, model));
+  LoadedController loaded(model, control, image);
+  Controller& controller = loaded.controller;
 
   const Configuration start = options.start.value_or(start_configuration(model, scenario));
   OdeWorld world(perturbed(model, perturbation), perturbed(scenario, perturbation),

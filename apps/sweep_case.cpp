@@ -102,7 +102,14 @@ std::string with_recorded_goal(const std::string& text, const RobotModel& model,
       if (link && !model.contacts[static_cast<std::size_t>(*link)].is_patch)
         names.push_back(contact.link);
     }
-  if (names.size() > 0) root["goal"]["contacts"] = names;
+  if (names.size() > 0) {
+    if (root["goal"].IsScalar()) {  // a goal of one word has no contacts to put beside it
+      YAML::Node goal;
+      goal["posture"] = root["goal"].as<std::string>();
+      root["goal"] = goal;
+    }
+    root["goal"]["contacts"] = names;
+  }
   std::ostringstream out;
   out << root << '\n';
   return out.str();

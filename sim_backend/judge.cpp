@@ -218,7 +218,9 @@ std::string describe(const ClimbVerdict& verdict) {
     out << (out.tellp() > 0 ? "; " : "") << what;
     for (const std::string& name : names) out << ' ' << name;
   };
-  list("not on the obstacle:", verdict.missing_contacts);
+  list("do not carry where they should:", verdict.missing_contacts);
+  list("carry and should not:", verdict.unwanted_contacts);
+  if (!verdict.on_the_right_side) list("on the wrong side of", {"the obstacle"});
   list("on the floor:", verdict.floor_contacts);
   list("must not carry:", verdict.forbidden_contacts);
   list("loaded on a side:", verdict.side_contacts);

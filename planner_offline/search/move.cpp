@@ -99,7 +99,7 @@ double Builder::touched(const std::string& link) const {
 /// never sets down: the knee goes where the foot went.
 std::optional<ContactReference> Builder::kneeling(const ContactReference& foot) const {
   const auto& limb = model.contacts[static_cast<std::size_t>(link_index(model, foot.link))].limb;
-  for (const std::string& name : scenario.goal_contacts) {
+  for (const std::string& name : all_fours_contacts(model, scenario)) {
     const ContactLink& wanted = model.contacts[static_cast<std::size_t>(link_index(model, name))];
     const bool shown = std::any_of(
         sequence.reduced.begin(), sequence.reduced.end(), [&](const ContactState& state) {
