@@ -87,13 +87,13 @@ void scale(YAML::Node map, const char* key, double factor) {
   if (map[key]) map[key] = shortest(map[key].as<double>() * factor);
 }
 
-void scale_gains(YAML::Node gains, const Factors& by) {
+void scale_gains(const YAML::Node& gains, const Factors& by) {
   scale(gains, "kp", by.stiffness);
   scale(gains, "ki", by.integral);
   scale(gains, "kd", by.damping);
 }
 
-void scale_drives(YAML::Node drives, const Factors& by) {
+void scale_drives(const YAML::Node& drives, const Factors& by) {
   scale(drives, "torque_limit", by.torque);
   scale(drives, "reflected_inertia", by.inertia);
   scale(drives, "spring_stiffness", by.stiffness);

@@ -224,8 +224,8 @@ void VirtualCia402Drive::take_rpdo(const CanFrame& frame) noexcept {
   if (nmt_ != NmtState::kOperational || (objects_.value(kRpdo, 1) & kPdoInvalid) != 0) return;
   ++traffic_.heard;
   std::size_t mapped = 0;
-  for (std::uint8_t n = 1; n <= objects_.value(kRpdo + kMapping, 0); ++n)
-    mapped += Mapped(objects_.value(kRpdo + kMapping, n)).bytes;
+  for (std::uint32_t n = 1; n <= objects_.value(kRpdo + kMapping, 0); ++n)
+    mapped += Mapped(objects_.value(kRpdo + kMapping, static_cast<std::uint8_t>(n))).bytes;
   if (mapped == 0 || frame.length < mapped) {  // CiA 301, 7.2.2.2: longer is accepted
     ++traffic_.malformed;
     emergency(kEmergencyPdoLength, 0);
@@ -239,8 +239,8 @@ void VirtualCia402Drive::take_sync() noexcept {
   if (nmt_ != NmtState::kOperational) return;
   if (rpdo_length_ > 0) {
     std::size_t at = 0;
-    for (std::uint8_t n = 1; n <= objects_.value(kRpdo + kMapping, 0); ++n) {
-      const Mapped mapped(objects_.value(kRpdo + kMapping, n));
+    for (std::uint32_t n = 1; n <= objects_.value(kRpdo + kMapping, 0); ++n) {
+      const Mapped mapped(objects_.value(kRpdo + kMapping, static_cast<std::uint8_t>(n)));
       objects_.set(mapped.index, mapped.sub, read_le(rpdo_, at, mapped.bytes));
       at += mapped.bytes;
     }
@@ -258,8 +258,8 @@ CanFrame VirtualCia402Drive::mapped_tpdo() noexcept {
   update_actual_values();
   std::array<std::uint8_t, 8> bytes{};
   std::size_t at = 0;
-  for (std::uint8_t n = 1; n <= objects_.value(kTpdo + kMapping, 0); ++n) {
-    const Mapped mapped(objects_.value(kTpdo + kMapping, n));
+  for (std::uint32_t n = 1; n <= objects_.value(kTpdo + kMapping, 0); ++n) {
+    const Mapped mapped(objects_.value(kTpdo + kMapping, static_cast<std::uint8_t>(n)));
     if (at + mapped.bytes > bytes.size()) break;
     write_le(bytes, at, mapped.bytes, objects_.value(mapped.index, mapped.sub));
     at += mapped.bytes;
