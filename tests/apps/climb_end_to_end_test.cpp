@@ -78,7 +78,7 @@ TEST_F(ClimbEndToEnd, ThePlanIsCertifiedAndNothingElseRuns) {
             0);
   const test::CommandResult asked =
       test::clamber("verify '" + climb + "plan.json' --json", first_->path());
-  EXPECT_EQ(json::parse(asked.out).at("margins").size(), 20u);
+  EXPECT_EQ(json::parse(asked.out).at("margins").size(), 24u);
 
   std::string plan = test::text_of(file("plan.json"));
   plan.replace(plan.find("0.8"), 3, "0.7");
