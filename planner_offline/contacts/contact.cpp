@@ -109,6 +109,14 @@ Task contact_task(const RobotModel& model, const RobotData& data, const Contact&
   return task;
 }
 
+Task contact_tasks(const RobotModel& model, const RobotData& data, const ContactSet& contacts) {
+  Task held = empty_task(model);
+  for (const Contact& contact : contacts) {
+    held = held + contact_task(model, data, contact);
+  }
+  return held;
+}
+
 void track_slip(const RobotModel& model, const RobotData& before, const RobotData& after,
                 ContactSet& contacts) {
   for (Contact& contact : contacts) {

@@ -51,6 +51,10 @@ using ContactSet = std::vector<Contact>;
 [[nodiscard]] Task contact_task(const RobotModel& model, const RobotData& data,
                                 const Contact& contact);
 
+/// The rows of all contacts.
+[[nodiscard]] Task contact_tasks(const RobotModel& model, const RobotData& data,
+                                 const ContactSet& contacts);
+
 /// Adds to every point's `slip` what it slid from one posture to the next: steps are finite, and
 /// rows that hold velocities let a little through each time.
 void track_slip(const RobotModel& model, const RobotData& before, const RobotData& after,

@@ -90,10 +90,7 @@ double ReferenceOptimiser::solve_posture(Search& search, int iterations, bool co
     constraints.region_margin = only_patches(model_, search.supports)
                                     ? settings_.search.free_margin
                                     : settings_.search.support_margin;
-    Task held = empty_task(model_);
-    for (const Contact& contact : search.supports) {
-      held = held + contact_task(model_, search.data, contact);
-    }
+    const Task held = contact_tasks(model_, search.data, search.supports);
     Task reach = empty_task(model_);
     const int support_body =
         search.supports.empty()

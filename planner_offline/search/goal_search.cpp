@@ -41,14 +41,8 @@ Stance stance_of(const std::vector<Touch>& soles) {
 std::vector<Configuration> blend(const Configuration& from, const Configuration& to) {
   constexpr int kSteps = 20;
   std::vector<Configuration> path;
-  const Eigen::Vector3d turn = rotation_log(from.X_WB.R.transpose() * to.X_WB.R);
   for (int i = 1; i <= kSteps; ++i) {
-    const double t = static_cast<double>(i) / kSteps;
-    Configuration x;
-    x.q = from.q + t * (to.q - from.q);
-    x.X_WB.p = from.X_WB.p + t * (to.X_WB.p - from.X_WB.p);
-    x.X_WB.R = from.X_WB.R * rotation_exp(t * turn);
-    path.push_back(x);
+    path.push_back(between(from, to, static_cast<double>(i) / kSteps));
   }
   return path;
 }

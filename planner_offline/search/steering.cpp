@@ -123,10 +123,7 @@ Eigen::VectorXd Steering::posture_error(const Configuration& x, const MotionGoal
 }
 
 TaskStack Steering::stack_for(const Configuration& x, const MotionGoal& goal, Progress& progress) {
-  Task held = empty_task(model_);
-  for (const Contact& contact : progress.contacts) {
-    held = held + contact_task(model_, data_, contact);
-  }
+  Task held = contact_tasks(model_, data_, progress.contacts);
   held.e = shortened(held.e, 0.01);
   progress.swing_error = 0.0;
   Task places = empty_task(model_);

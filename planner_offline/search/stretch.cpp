@@ -14,6 +14,14 @@ void move(ContactSet& contacts, const Pose& X) {
 
 }  // namespace
 
+Configuration between(const Configuration& a, const Configuration& b, double t) {
+  Configuration x;
+  x.q = a.q + t * (b.q - a.q);
+  x.X_WB.p = a.X_WB.p + t * (b.X_WB.p - a.X_WB.p);
+  x.X_WB.R = a.X_WB.R * rotation_exp(t * rotation_log(a.X_WB.R.transpose() * b.X_WB.R));
+  return x;
+}
+
 const ContactSet& carrying(const Stretch& stretch) {
   const bool unloads = stretch.kind == Stretch::Kind::kLoad &&
                        stretch.next_contacts.size() < stretch.contacts.size();

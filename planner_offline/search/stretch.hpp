@@ -29,6 +29,9 @@ struct Stretch {
   std::vector<int> landing;  ///< kMotion: links on their way to a surface, or just off one
 };
 
+/// The posture a share `t` (0..1) of the way from a to b, joints and base straight.
+[[nodiscard]] Configuration between(const Configuration& a, const Configuration& b, double t);
+
 /// The contacts that have to hold all through a stretch: while weight goes over, the smaller set.
 [[nodiscard]] const ContactSet& carrying(const Stretch& stretch);
 

@@ -8,14 +8,6 @@
 namespace clamber {
 namespace {
 
-Configuration between(const Configuration& a, const Configuration& b, double t) {
-  Configuration x;
-  x.q = a.q + t * (b.q - a.q);
-  x.X_WB.p = a.X_WB.p + t * (b.X_WB.p - a.X_WB.p);
-  x.X_WB.R = a.X_WB.R * rotation_exp(t * rotation_log(a.X_WB.R.transpose() * b.X_WB.R));
-  return x;
-}
-
 /// Binomial smoothing: takes out the chatter of constraints that come and go from step to step.
 std::vector<Configuration> smoothed(std::vector<Configuration> path) {
   constexpr int kPasses = 4;
@@ -36,10 +28,7 @@ void hold_contacts(const RobotModel& model, const ContactSet& contacts, Configur
   for (int pass = 0; pass < kPasses; ++pass) {
     RobotData data;
     forward_kinematics(model, x, data);
-    Task held = empty_task(model);
-    for (const Contact& contact : contacts) {
-      held = held + contact_task(model, data, contact);
-    }
+    const Task held = contact_tasks(model, data, contacts);
     const VelocityVector dv = held.J.completeOrthogonalDecomposition().solve(held.e);
     Configuration next;
     integrate(model, x, dv, next);

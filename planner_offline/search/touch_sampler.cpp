@@ -62,10 +62,7 @@ Pose sole_pose(const RobotModel& model, const Touch& touch) {
 }
 
 Task holding(const RobotModel& model, const RobotData& data, const ContactSet& contacts) {
-  Task held = empty_task(model);
-  for (const Contact& contact : contacts) {
-    held = held + contact_task(model, data, contact);
-  }
+  Task held = contact_tasks(model, data, contacts);
   held.e = shortened(held.e, 0.01);
   return held;
 }
