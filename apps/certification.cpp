@@ -38,6 +38,17 @@ std::string uncertainty_table(const Json& coverage) {
   return out;
 }
 
+/// The plan says of itself what its certificate says of it. Empty, or what differs.
+std::string check_statement(const Plan& plan, const Certificate& certificate) {
+  const std::vector<HeldUncertainty> held = held_uncertainty(certificate);
+  const bool same = std::equal(held.begin(), held.end(), plan.certified_for.begin(),
+                               plan.certified_for.end(), [](const auto& a, const auto& b) {
+                                 return a.what == b.what && a.unit == b.unit &&
+                                        a.stated == b.stated && a.holds == b.holds;
+                               });
+  return same ? "" : "the plan's certified_for is not what its certificate holds for";
+}
+
 bool judged(std::size_t quantity) { return kQuantities[quantity].sense != Sense::kRecord; }
 
 }  // namespace
@@ -57,12 +68,18 @@ Certification certify_plan_file(const std::string& plan_file, const std::string&
 }
 
 std::string why_not_certified(const Plan& plan, const RobotModel& model, const Scenario& scenario,
+                              std::vector<CertifiedFor>& certified_for,
                               const std::string& margins) {
   const PlannedMotion motion(format_plan(plan), "the plan found", model, scenario);
   const Acceptance acceptance = load_acceptance(find_file(margins));
-  const VerifyReport report = verify(motion, certify(motion, model, scenario, acceptance), model,
-                                     scenario, acceptance, {.all = false});
-  return report.valid ? "" : "not certified: " + report.reason;
+  const Certificate certificate = certify(motion, model, scenario, acceptance);
+  const VerifyReport report =
+      verify(motion, certificate, model, scenario, acceptance, {.all = false});
+  if (!report.valid) return "not certified: " + report.reason;
+  certified_for.clear();
+  for (const HeldUncertainty& held : held_uncertainty(certificate))
+    certified_for.push_back({held.what, held.unit, held.stated, held.holds});
+  return "";
 }
 
 Certification verify_plan_file(const std::string& plan_file, const std::string& certificate_file,
@@ -79,6 +96,11 @@ Certification verify_plan_file(const std::string& plan_file, const std::string& 
     out.report.violations = 1;
     out.report.reason = "the plan is not the one certified: its SHA-256 is " + sha256 + ", not " +
                         certificate.header.plan_sha256;
+    return out;
+  }
+  if (out.report.reason = check_statement(load_plan(plan_file), certificate);
+      !out.report.reason.empty()) {
+    out.report.violations = 1;
     return out;
   }
   const PlannedMotion motion(plan, plan_file, model, scenario);

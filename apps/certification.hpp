@@ -27,9 +27,11 @@ struct Certification {
                                               const RobotModel& model, const Scenario& scenario,
                                               const std::string& margins = kDefaultMargins);
 
-/// Why a plan would get no valid certificate, found without files; empty: it would.
+/// Why a plan would get no valid certificate, found without files; empty: it would, and for what
+/// uncertainty goes to `certified_for`.
 [[nodiscard]] std::string why_not_certified(const Plan& plan, const RobotModel& model,
                                             const Scenario& scenario,
+                                            std::vector<CertifiedFor>& certified_for,
                                             const std::string& margins = kDefaultMargins);
 
 /// Verifies a plan file against its certificate.

@@ -58,6 +58,15 @@ struct Certificate {
 
 void save_certificate(const Certificate& certificate, const std::filesystem::path& file);
 
+/// What of an uncertain world was asked for, and what the margins hold for at the worst sample.
+struct HeldUncertainty {
+  const char* what;
+  const char* unit;
+  double stated = 0.0;
+  double holds = 0.0;
+};
+[[nodiscard]] std::vector<HeldUncertainty> held_uncertainty(const Certificate& certificate);
+
 /// The worst of one quantity over all samples, and the worst that may be between them.
 struct WorstValue {
   double value = 0.0;

@@ -125,7 +125,7 @@ PlannedMotion::PlannedMotion(std::string_view text, const std::string& file,
   (void)touch_candidates(model);  // sizes
   sha256 = sha256_hex(text);
   if (plan.text("format") != "clamber plan") plan.fail("format: expected \"clamber plan\"");
-  if (plan.at(plan.root(), "version", "") != 1) plan.fail("version: expected 1");
+  if (plan.at(plan.root(), "version", "") != 2) plan.fail("version: expected 2");
   robot_hash = plan.text("robot_hash");
   scenario_hash = plan.text("scenario_hash");
   tool_version = plan.text("tool_version");

@@ -17,7 +17,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr const char* kFormat = "clamber plan";
-constexpr int kFormatVersion = 1;
+constexpr int kFormatVersion = 2;
 
 // ---- writing ----
 
@@ -64,7 +64,16 @@ Json to_json(const Keyframe& k) {
           {"self_clearance", margin(k.self_clearance, "self_clearance")}};
 }
 
+Json to_json(const CertifiedFor& c) {
+  return {{"what", c.what},
+          {"unit", c.unit},
+          {"stated", finite(c.stated, "stated uncertainty")},
+          {"holds", finite(c.holds, "held uncertainty")}};
+}
+
 Json header_json(const Plan& plan) {
+  Json certified_for = Json::array();
+  for (const CertifiedFor& c : plan.certified_for) certified_for.push_back(to_json(c));
   Json phases = Json::array();
   for (const Phase& p : plan.phases)
     phases.push_back({{"name", p.name}, {"start", finite(p.start, "phase start")}});
@@ -82,6 +91,7 @@ Json header_json(const Plan& plan) {
           {"ballast_mass", finite(plan.ballast_mass, "ballast_mass")},
           {"joint_names", plan.joint_names},
           {"notes", plan.notes},
+          {"certified_for", certified_for},
           {"phases", phases}};
 }
 
@@ -199,6 +209,11 @@ Plan read_header(const Node& root) {
   if (plan.joint_names.empty() || plan.joint_names.size() > kMaxJoints)
     root.at("joint_names").fail("1 to " + std::to_string(kMaxJoints) + " names");
   plan.notes = root.at("notes").texts();
+  for (const Node& row : root.at("certified_for").items())
+    plan.certified_for.push_back({.what = row.at("what").text(),
+                                  .unit = row.at("unit").text(),
+                                  .stated = row.at("stated").number(),
+                                  .holds = row.at("holds").number()});
   for (const Node& phase : root.at("phases").items())
     plan.phases.push_back({phase.at("name").text(), phase.at("start").number()});
   return plan;

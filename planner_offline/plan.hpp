@@ -36,6 +36,14 @@ struct Phase {
   double start = 0.0;  ///< s
 };
 
+/// One line of what the plan holds for where the world differs from the model, from its certificate.
+struct CertifiedFor {
+  std::string what;  ///< e.g. "obstacle height"
+  std::string unit;
+  double stated = 0.0;  ///< the uncertainty asked for
+  double holds = 0.0;   ///< what the motion's margins leave room for
+};
+
 struct Plan {
   std::string robot;  ///< name
   std::string robot_hash;
@@ -49,6 +57,7 @@ struct Plan {
   double ballast_mass = 0.0;     ///< kg
   std::vector<std::string> joint_names;
   std::vector<std::string> notes;  ///< what the planner did about missing or extra contacts
+  std::vector<CertifiedFor> certified_for;  ///< empty: of no certificate
   std::vector<Phase> phases;
   std::vector<Keyframe> keyframes;
 };

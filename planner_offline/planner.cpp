@@ -301,15 +301,61 @@ PlanningResult Planning::finish() {
 
 }  // namespace
 
+namespace {
+
+/// With the clearance that the uncertainty asks for, then with less: the settings of each try.
+std::vector<PlannerSettings> with_clearances(const PlannerSettings& settings) {
+  std::vector<PlannerSettings> tries;
+  for (const double wide : settings.search.wide_clearances) {
+    if (wide <= settings.clearance.obstacle) continue;
+    tries.push_back(settings);
+    tries.back().clearance.obstacle = wide;
+    tries.back().search.most_attempts =
+        std::min(settings.search.wide_attempts, settings.search.most_attempts);
+  }
+  tries.push_back(settings);
+  return tries;
+}
+
+std::string no_climb_with(double clearance) {
+  char text[160];
+  std::snprintf(text, sizeof text,
+                "No climb with %.3g mm of clearance: less room for an obstacle or a start "
+                "elsewhere.",
+                1e3 * clearance);
+  return text;
+}
+
+void prepend(const std::vector<std::string>& earlier, std::vector<std::string>& rejected) {
+  rejected.insert(rejected.begin(), earlier.begin(), earlier.end());
+}
+
+}  // namespace
+
 PlanningResult plan_climb(const RobotModel& model, const Scenario& scenario,
                           const ContactSequence& sequence, const PlannerSettings& settings,
                           const PlanningProgress& progress, const PlanCheck& check) {
   Plan header = plan_header(model, scenario, sequence.recording, sequence.synthetic);
   header.notes = sequence.notes;
   const std::vector<Move> moves = plan_moves(model, scenario, sequence, header.notes);
-  Planning planning(model, scenario, settings, progress, check, std::move(header));
-  planning.find_along(moves);
-  return planning.finish();
+  const std::vector<PlannerSettings> tries = with_clearances(settings);
+  std::vector<std::string> rejected;  // by the tries before
+  for (std::size_t i = 0;; ++i) {
+    Planning planning(model, scenario, tries[i], progress, check, header);
+    try {
+      planning.find_along(moves);
+      PlanningResult result = planning.finish();
+      prepend(rejected, result.rejected);
+      return result;
+    } catch (const PlanningFailed& failed) {
+      PlanningLog log = failed.log() != nullptr ? *failed.log() : PlanningLog();
+      prepend(rejected, log.rejected);
+      if (i + 1 == tries.size())
+        throw PlanningFailed(failed.what(), std::make_shared<const PlanningLog>(log));
+      rejected = std::move(log.rejected);
+      header.notes.push_back(no_climb_with(tries[i].clearance.obstacle));
+    }
+  }
 }
 
 PlanningResult plan_without_recording(const RobotModel& model, const Scenario& scenario,

@@ -2,6 +2,8 @@
 // Plain data; read from configs/planner/default.yaml (settings_file.hpp).
 #pragma once
 
+#include <vector>
+
 #include "planner_offline/certify/contact_forces.hpp"
 #include "planner_offline/clearance/clearance.hpp"
 #include "planner_offline/ik/posture_ik.hpp"
@@ -29,6 +31,10 @@ struct ReferenceSettings {
 struct SearchSettings {
   std::size_t most_candidates = 40;  ///< keyframes, weight shifts and swings tried per attempt
   std::size_t most_attempts = 150;   ///< sets of contact places tried before there is no climb
+  std::size_t wide_attempts = 15;    ///< the same with each of wide_clearances
+  /// m to obstacle and floor, tried in turn before ClearanceSettings::obstacle: what another height
+  /// of the obstacle and another start would take away. The first that gives a climb is taken.
+  std::vector<double> wide_clearances = {0.020};
   std::size_t steady_attempts = 12;  ///< sets tried before a climb that is not steady is taken
   int most_steps = 400;           ///< inverse-kinematics steps of one motion before it is given up
   double support_margin = 0.012;  ///< m, CoM inside the support region

@@ -34,6 +34,12 @@ class Section {
   void non_negative(const char* key, double& value) {
     if (const auto node = find(key)) value = node->non_negative();
   }
+  void positives(const char* key, std::vector<double>& values) {
+    const auto node = find(key);
+    if (!node) return;
+    values.clear();
+    for (const YamlNode& item : node->items()) values.push_back(item.positive());
+  }
   /// A share, above 0 and at most 1.
   void share(const char* key, double& value) {
     const auto node = find(key);
@@ -110,6 +116,8 @@ void read_keys(Section& section, ReferenceSettings& references) {
 void read_keys(Section& section, SearchSettings& search) {
   section.count("most_candidates", search.most_candidates);
   section.count("most_attempts", search.most_attempts);
+  section.count("wide_attempts", search.wide_attempts);
+  section.positives("wide_clearances", search.wide_clearances);
   section.count("steady_attempts", search.steady_attempts);
   section.count("most_steps", search.most_steps);
   section.non_negative("support_margin", search.support_margin);

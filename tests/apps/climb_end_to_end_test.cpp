@@ -93,6 +93,27 @@ TEST_F(ClimbEndToEnd, ThePlanIsCertifiedAndNothingElseRuns) {
   EXPECT_THAT(bare.error, testing::HasSubstr("the plan has no certificate"));
 }
 
+/// Even with a certificate made to fit, a plan does not claim more than its certificate holds for.
+TEST_F(ClimbEndToEnd, ThePlanSaysWhatUncertaintyItIsCertifiedFor) {
+  std::string plan = test::text_of(file("plan.json"));
+  const json stated = json::parse(plan).at("certified_for");
+  const json certified = summary().at("certificate").at("uncertainty");
+  ASSERT_EQ(stated.size(), certified.size());
+  for (std::size_t i = 0; i < stated.size(); ++i)
+    EXPECT_EQ(stated[i].at("holds"), certified[i].at("holds")) << stated[i].at("what");
+
+  const std::string digest = sha256_hex(plan);
+  const std::size_t at = plan.find("\"holds\": ", plan.find("obstacle height"));
+  plan.replace(at, plan.find('\n', at) - at, "\"holds\": 0.05");
+  std::string certificate = test::text_of(file("plan.cert"));
+  certificate.replace(certificate.find(digest), digest.size(), sha256_hex(plan));
+  std::ofstream(first_->path() / "boast.json") << plan;
+  std::ofstream(first_->path() / "boast.cert") << certificate;
+  const test::CommandResult boast = test::clamber("verify boast.json", first_->path());
+  EXPECT_EQ(boast.exit_code, 1);
+  EXPECT_THAT(boast.out + boast.error, testing::HasSubstr("certified_for"));
+}
+
 TEST_F(ClimbEndToEnd, TwoClimbsGiveTheSameBytes) {
   for (const char* name : {"motion.csv", "contacts.yaml", "plan.json", "plan.cert", "plan.img",
                            "trajectory.csv", "costs.csv", "climb.log", "playback.log"})

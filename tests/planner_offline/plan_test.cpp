@@ -32,6 +32,7 @@ Plan make_plan() {
   plan.ballast_mass = 2.3;
   plan.joint_names = {"WaistLat", "WaistSag"};
   plan.notes = {"a \"note\"", "another"};
+  plan.certified_for = {{"obstacle height", "m", 0.01, 0.0187}};
   plan.phases = {{"State1", 0.0}, {"swing Lknee", 1.0}};
   for (int i = 0; i < 12; ++i) {
     Keyframe k;
@@ -103,6 +104,11 @@ TEST_F(PlanFile, RoundTripKeepsEveryNumber) {
   EXPECT_EQ(back.ballast_mass, plan.ballast_mass);
   EXPECT_EQ(back.joint_names, plan.joint_names);
   EXPECT_EQ(back.notes, plan.notes);
+  ASSERT_EQ(back.certified_for.size(), 1u);
+  EXPECT_EQ(back.certified_for[0].what, "obstacle height");
+  EXPECT_EQ(back.certified_for[0].unit, "m");
+  EXPECT_EQ(back.certified_for[0].stated, 0.01);
+  EXPECT_EQ(back.certified_for[0].holds, 0.0187);
   ASSERT_EQ(back.phases.size(), 2u);
   EXPECT_EQ(back.phases[1].name, "swing Lknee");
   EXPECT_EQ(back.phases[1].start, 1.0);
@@ -142,7 +148,7 @@ TEST_F(PlanFile, NamesFileAndKeyOfWhatIsWrong) {
   };
   expect("{", "[", "not a JSON file");
   expect("clamber plan", "other", "format: expected \"clamber plan\"");
-  expect("\"version\": 1", "\"version\": 7", "version: expected version 1");
+  expect("\"version\": 2", "\"version\": 7", "version: expected version 2");
   expect("\"friction\": 0.8", "\"friction\": \"high\"", "friction: expected a number");
   expect("\"friction\"", "\"frictoin\"", "key 'friction' is missing");
   expect("\"synthetic_recording\": true", "\"synthetic_recording\": 1",

@@ -51,8 +51,9 @@ auto members(const ReferenceSettings& s) {
   return std::tuple(a, b, c, d, e, f, g, h, i, j, k);
 }
 auto members(const SearchSettings& s) {
-  const auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, t, u, v, w, x, y] = s;
-  return std::tuple(a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, t, u, v, w, x, y);
+  const auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, t, u, v, w, x, y, z, wide] = s;
+  return std::tuple(a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, t, u, v, w, x, y, z,
+                    wide);
 }
 auto members(const TimingSettings& s) {
   const auto& [a, b, c, d, e] = s;
@@ -75,12 +76,13 @@ TEST_F(SettingsFile, TheShippedFileStatesTheDefaults) {
 TEST_F(SettingsFile, TakesWhatItIsGiven) {
   const PlannerSettings settings = load(
       "friction_share: 0.5\nreferences: {w1: 0.2, posture_has_priority: true}\n"
-      "search: {most_candidates: 7}\n");
+      "search: {most_candidates: 7, wide_clearances: [0.03, 0.02]}\n");
   EXPECT_EQ(settings.friction_share, 0.5);
   EXPECT_EQ(settings.references.w1, 0.2);
   EXPECT_EQ(settings.references.w2, ReferenceSettings().w2);
   EXPECT_TRUE(settings.references.posture_has_priority);
   EXPECT_EQ(settings.search.most_candidates, 7u);
+  EXPECT_EQ(settings.search.wide_clearances, (std::vector{0.03, 0.02}));
 }
 
 TEST_F(SettingsFile, NamesLineAndKeyOfWhatIsWrong) {
