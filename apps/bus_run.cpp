@@ -1,12 +1,11 @@
 #include "apps/bus_run.hpp"
 
-#include <sys/prctl.h>
-
 #include <cmath>
 #include <sstream>
 
 #include "apps/controller_config.hpp"
 #include "apps/run_support.hpp"
+#include "apps/timing_report.hpp"
 #include "firmware_hal/frame_log.hpp"
 #include "firmware_hal/socketcan/socketcan_bus.hpp"
 #include "robot_model/loader.hpp"
@@ -59,7 +58,8 @@ void require_same_rate(const BusMap& map, const ControllerConfig& control) {
 }  // namespace
 
 bool BusRun::success() const {
-  return execution.status == TickStatus::kFinished && execution.bus != BusStatus::kDown;
+  return execution.status == TickStatus::kFinished && execution.bus != BusStatus::kDown &&
+         !execution.guards.found();
 }
 
 std::string BusRun::failure(const RobotModel& model) const {
@@ -68,6 +68,7 @@ std::string BusRun::failure(const RobotModel& model) const {
   if (execution.stopped) return "interrupted";
   const std::string drives = faults.empty() ? "" : "; " + faults.front();
   if (execution.bus == BusStatus::kDown) return "the motor bus went down" + drives;
+  if (execution.status == TickStatus::kFinished) return execution.guards.finding();
   const std::string joint = execution.fault_joint < model.joints.size()
                                 ? " at " + model.joints[execution.fault_joint].name
                                 : "";
@@ -97,10 +98,9 @@ BusRun run_on_buses(const RobotModel& model, const BusMap& map, const std::vecto
   if (telemetry) execution.sinks.push_back(&telemetry->ring());
   if (telemetry && options.lock_step)
     execution.observe = [&](TelemetryFrame&) { telemetry->wait_for_room(); };
-  if (options.lock_step)
-    (void)stay_on_this_processor();
-  else
-    (void)prctl(PR_SET_TIMERSLACK, 1UL);  // else every wait may end 50 us late
+  execution.runtime = options.runtime;
+  execution.bus_calls = BusCalls::kSockets;
+  if (options.lock_step) (void)stay_on_this_processor();
 
   BusRun run;
   run.execution = execute(controller, bus, execution);
@@ -127,9 +127,7 @@ std::string describe(const BusRun& run, const RobotModel& model) {
   const ExecutorReport& execution = run.execution;
   out << "run:         " << to_string(execution.status) << " after " << execution.ticks
       << " ticks in " << execution.wall_time << " s\n";
-  if (execution.overruns > 0)
-    out << "late:        " << execution.overruns << " ticks, " << execution.skipped
-        << " grid points lost, worst wake-up " << 1e3 * execution.worst_wakeup << " ms\n";
+  out << describe_timing(execution);
   out << "peak torque: " << run.peak_torque << " N m (" << run.peak_joint << ")\n";
   out << "states:      " << run.counters.missing_replies << " replies missing, "
       << run.counters.late << " late; oldest state used " << run.oldest_state << " ticks";

@@ -22,6 +22,7 @@ struct BusRunOptions {
   bool lock_step = false;   ///< ticks end when the (simulated) drives say so; else by the clock
   std::string frame_log;    ///< every frame in candump's format, in lock step; empty: none
   bool dds = false;
+  RuntimeSettings runtime;  ///< of a run paced by the clock
 };
 
 struct BusRun {

@@ -6,6 +6,7 @@
 #include "apps/job_failed.hpp"
 #include "apps/out_folder.hpp"
 #include "apps/steps.hpp"
+#include "apps/timing_report.hpp"
 #include "planner_offline/contacts/playback.hpp"
 #include "robot_model/sha256.hpp"
 
@@ -122,6 +123,7 @@ class Climb {
                              {"joint_states", run.telemetry->joint_states},
                              {"refused", run.telemetry->refused},
                              {"ring_drops", run.telemetry->ring_drops}};
+    if (options_.execution.realtime) extra_["execution"] = to_json(run.execution);
     std::cout << describe(run, model_) << std::flush;
   }
 

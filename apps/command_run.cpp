@@ -1,10 +1,12 @@
 // clamber run: executes a plan at 1 kHz.
 #include <iostream>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "apps/commands.hpp"
 #include "apps/job_failed.hpp"
 #include "apps/steps.hpp"
+#include "apps/timing_report.hpp"
 #include "robot_model/loader.hpp"
 
 namespace clamber {
@@ -13,15 +15,25 @@ namespace {
 struct Options {
   std::string plan;
   std::string out = "out/run.log";
+  std::string report;
   ExecutionOptions execution;
   RobotOptions robot;
   ScenarioOptions scenario;
 };
 
+void save_report(const Options& options, const ExecutorReport& execution, bool success,
+                 const std::string& failure) {
+  if (options.report.empty()) return;
+  nlohmann::ordered_json report{{"success", success}, {"reason", failure}};
+  report["execution"] = to_json(execution);
+  write_text(options.report, report.dump(2) + '\n');
+}
+
 void run_on_drives(const Options& options, const RobotModel& model, const Scenario& scenario) {
   if (options.execution.rehearse) {
     const RehearsalRun result =
         rehearse_plan(options.robot, model, scenario, options.plan, options.execution, options.out);
+    save_report(options, result.execution, result.success(), result.failure());
     std::cout << describe(result) << "written:     " << options.out << '\n';
     if (!result.success()) throw JobFailed("the rehearsal failed: " + result.failure());
     return;
@@ -33,6 +45,7 @@ void run_on_drives(const Options& options, const RobotModel& model, const Scenar
         "time: candump -l)");
   const BusRun result = run_plan_on_buses(options.robot, model, scenario, options.plan,
                                           options.execution, options.out);
+  save_report(options, result.execution, result.success(), result.failure(model));
   std::cout << describe(result, model) << "written:     " << options.out << '\n';
   if (!result.success()) throw JobFailed("the run failed: " + result.failure(model));
 }
@@ -49,6 +62,7 @@ void run(const Options& options) {
         "ode");
   const SimulatedRun result =
       run_plan(options.robot, model, scenario, options.plan, options.execution, options.out);
+  save_report(options, result.execution, result.success(), result.failure(model));
   std::cout << describe(result, model) << "written:     " << options.out << '\n';
   if (!result.success()) throw JobFailed("the climb failed: " + result.failure(model));
 }
@@ -61,6 +75,7 @@ void add_run_command(CLI::App& app) {
       app.add_subcommand("run", "Executes a plan with the 1 kHz controller and judges the climb");
   command->add_option("plan", options->plan, "plan.json")->required();
   command->add_option("-o,--out", options->out, "run log")->capture_default_str();
+  command->add_option("--report", options->report, "JSON file: outcome, ticks, timing, guards");
   command->add_option("--certificate", options->execution.certificate,
                       "the plan's certificate (<plan>.cert)");
   command->add_flag("--uncertified", options->execution.uncertified,

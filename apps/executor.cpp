@@ -6,6 +6,8 @@
 #include <cerrno>
 #include <cmath>
 
+#include "apps/realtime/control_thread.hpp"
+
 namespace clamber {
 namespace {
 
@@ -28,21 +30,23 @@ void sleep_until(std::int64_t ns) noexcept {
 /// that the run's ticks stay in step with whatever else counts on the same clock.
 class Grid {
  public:
-  explicit Grid(double dt)
-      : period_(std::llround(dt * static_cast<double>(kNanoseconds))), next_(now_ns() + period_) {}
+  explicit Grid(double dt) : period_(std::llround(dt * static_cast<double>(kNanoseconds))) {}
 
-  /// Sleeps to the next grid point.
-  void wait(ExecutorReport& report) noexcept {
+  /// The first grid point is a period from now.
+  void begin() noexcept { next_ = now_ns() + period_; }
+  /// Sleeps to the next grid point. @return now
+  std::int64_t wait(ExecutorReport& report) noexcept {
     sleep_until(next_);
-    const double late = static_cast<double>(now_ns() - next_) / static_cast<double>(kNanoseconds);
-    report.worst_wakeup = std::max(report.worst_wakeup, late);
+    const std::int64_t now = now_ns();
+    report.timing.wakeup.add(now - next_);
     next_ += period_;
+    return now;
   }
   /// The end of the current tick's period.
   [[nodiscard]] std::int64_t deadline() const noexcept { return next_; }
   /// Closes the tick's books.
-  void finish_tick(ExecutorReport& report) noexcept {
-    const std::int64_t late = now_ns() - next_;
+  void finish_tick(std::int64_t now, ExecutorReport& report) noexcept {
+    const std::int64_t late = now - next_;
     if (late <= 0) return;
     const std::int64_t lost = (late + period_ - 1) / period_;
     ++report.overruns;
@@ -52,44 +56,114 @@ class Grid {
 
  private:
   std::int64_t period_;
-  std::int64_t next_;
+  std::int64_t next_ = 0;
 };
 
-void hand_over(const TelemetryFrame& frame, const ExecutorOptions& options) noexcept {
-  if (options.log != nullptr) options.log->push(frame);
-  for (FrameSink* sink : options.sinks) sink->push(frame);
+std::uint64_t ticks_in(double seconds, double dt) {
+  return static_cast<std::uint64_t>(std::llround(seconds / dt));
 }
 
-/// The loop between enable() and disable().
-void run(Controller& controller, MotorBus& bus, const ExecutorOptions& options,
-         ExecutorReport& report) {
-  const auto joints = static_cast<std::size_t>(bus.joint_count());
-  const double dt = controller.config().dt;
-  const auto fault_ticks = static_cast<std::uint64_t>(std::llround(options.fault_time / dt));
-  std::vector<JointState> states(joints);
-  std::vector<JointCommand> commands(joints);
-  TelemetryFrame frame;
-  std::uint64_t faulted = 0;
+/// What happens between enable() and disable(). All memory is had before the first tick.
+class Loop {
+ public:
+  Loop(Controller& controller, MotorBus& bus, const ExecutorOptions& options,
+       ExecutorReport& report)
+      : controller_(controller),
+        bus_(bus),
+        options_(options),
+        report_(report),
+        grid_(controller.config().dt),
+        guards_(options.runtime.guards, ticks_in(options.runtime.warm_up, controller.config().dt)),
+        guard_exchange_(options.bus_calls != BusCalls::kSimulation),
+        fault_ticks_(ticks_in(options.fault_time, controller.config().dt)),
+        states_(static_cast<std::size_t>(bus.joint_count())),
+        commands_(states_.size()) {}
 
-  // The first states are asked for with commands that ask nothing of the drives.
-  Grid grid(dt);
-  report.bus = bus.exchange(commands, states, options.realtime ? grid.deadline() : 0);
-  while (report.bus != BusStatus::kDown) {
-    if (options.realtime) grid.wait(report);
-    report.status = controller.tick(states, commands, frame);
-    if (options.observe) options.observe(frame);
-    hand_over(frame, options);
-    ++report.ticks;
-    report.stopped = options.stop != nullptr && options.stop->load(std::memory_order_relaxed);
-    faulted += report.status == TickStatus::kFault ? 1 : 0;
-    if (report.stopped || report.status == TickStatus::kFinished || faulted > fault_ticks) break;
-    report.bus = bus.exchange(commands, states, options.realtime ? grid.deadline() : 0);
-    if (options.realtime)
-      grid.finish_tick(report);
-    else if (options.log != nullptr && options.log->wants_flush())
-      options.log->flush();
+  void run_paced() {
+    guards_.install(options_.bus_calls);
+    enable();
+    grid_.begin();
+    if (report_.bus != BusStatus::kDown)
+      report_.bus = bus_.exchange(commands_, states_, grid_.deadline());
+    while (report_.bus != BusStatus::kDown && paced_tick() == Next::kContinue) {
+    }
+    disable();
+    report_.guards = guards_.report();
   }
-}
+
+  void run_free() {
+    enable();
+    // The first states are asked for with commands that ask nothing of the drives.
+    if (report_.bus != BusStatus::kDown) report_.bus = bus_.exchange(commands_, states_, 0);
+    while (report_.bus != BusStatus::kDown && tick() == Next::kContinue) {
+      report_.bus = bus_.exchange(commands_, states_, 0);
+      if (options_.log != nullptr && options_.log->wants_flush()) options_.log->flush();
+    }
+    disable();
+  }
+
+ private:
+  enum class Next : std::uint8_t { kContinue, kStop };
+
+  void enable() {
+    start_ = now_ns();
+    report_.bus = bus_.enable();
+  }
+
+  void disable() noexcept {
+    bus_.disable();
+    report_.wall_time = static_cast<double>(now_ns() - start_) / static_cast<double>(kNanoseconds);
+  }
+
+  Next paced_tick() noexcept {
+    const std::int64_t start = grid_.wait(report_);
+    guards_.enter();
+    const Next next = tick();
+    std::int64_t now = now_ns();
+    report_.timing.tick.add(now - start);
+    if (next == Next::kContinue) {
+      report_.bus = bus_.exchange(commands_, states_, grid_.deadline());
+      const std::int64_t sent = now;
+      now = now_ns();
+      report_.timing.exchange.add(now - sent);
+      grid_.finish_tick(now, report_);
+    }
+    if (guard_exchange_) guards_.leave();
+    return next;
+  }
+
+  Next tick() noexcept {
+    report_.status = controller_.tick(states_, commands_, frame_);
+    if (!guard_exchange_) guards_.leave();
+    if (options_.observe) options_.observe(frame_);
+    hand_over();
+    ++report_.ticks;
+    report_.stopped = options_.stop != nullptr && options_.stop->load(std::memory_order_relaxed);
+    faulted_ += report_.status == TickStatus::kFault ? 1 : 0;
+    const bool over =
+        report_.stopped || report_.status == TickStatus::kFinished || faulted_ > fault_ticks_;
+    return over ? Next::kStop : Next::kContinue;
+  }
+
+  void hand_over() noexcept {
+    if (options_.log != nullptr) options_.log->push(frame_);
+    for (FrameSink* sink : options_.sinks) sink->push(frame_);
+  }
+
+  Controller& controller_;
+  MotorBus& bus_;
+  const ExecutorOptions& options_;
+  ExecutorReport& report_;
+  Grid grid_;
+  TickGuards guards_;
+  bool guard_exchange_;
+  std::uint64_t fault_ticks_;
+  std::uint64_t faulted_ = 0;
+  std::vector<JointState> states_;
+  std::vector<JointCommand> commands_;
+  TelemetryFrame frame_;
+  std::int64_t start_ = 0;
+};
 
 }  // namespace
 
@@ -102,11 +176,14 @@ std::size_t log_capacity(const Controller& controller, bool realtime) {
 
 ExecutorReport execute(Controller& controller, MotorBus& bus, const ExecutorOptions& options) {
   ExecutorReport report;
-  report.bus = bus.enable();
-  const std::int64_t start = now_ns();
-  if (report.bus != BusStatus::kDown) run(controller, bus, options, report);
-  bus.disable();
-  report.wall_time = static_cast<double>(now_ns() - start) / static_cast<double>(kNanoseconds);
+  Loop loop(controller, bus, options, report);
+  if (options.realtime)
+    run_in_control_thread(options.runtime, [&](std::vector<std::string> refused) {
+      report.refused = std::move(refused);
+      loop.run_paced();
+    });
+  else
+    loop.run_free();
   report.duration = static_cast<double>(report.ticks) * controller.config().dt;
   report.fault = controller.fault();
   report.fault_joint = controller.fault_joint();

@@ -1,13 +1,18 @@
 // Runs the controller against a motor bus, as fast as possible or on the clock's 1 kHz grid.
-// Owns its thread for the run. The loop itself allocates nothing and, paced by the clock, does no
-// file access; the bus and the observer may (a simulated bus does).
+// Paced by the clock it has a thread of its own for the run (control_thread.hpp), which keeps to
+// what its guards demand; else it uses the caller's. The loop itself allocates nothing and, paced,
+// does no file access; the bus and the observer may (a simulated bus does).
 #pragma once
 
 #include <atomic>
 #include <cstdint>
 #include <functional>
+#include <string>
 #include <vector>
 
+#include "apps/realtime/latency_histogram.hpp"
+#include "apps/realtime/runtime_settings.hpp"
+#include "apps/realtime/tick_guards.hpp"
 #include "apps/run_log.hpp"
 #include "control/controller.hpp"
 #include "firmware_hal/motor_bus.hpp"
@@ -18,11 +23,21 @@ namespace clamber {
 struct ExecutorOptions {
   bool realtime = false;    ///< paced on an absolute grid of CLOCK_MONOTONIC
   double fault_time = 1.0;  ///< s that a faulted run goes on holding before it ends
-  /// Adds the simulation's truth to a tick's frame; called before the bus moves on.
+  RuntimeSettings runtime = ordinary_thread();  ///< of a paced run
+  /// What exchange() may ask of the kernel. Guards cover it too, but for a simulation's.
+  BusCalls bus_calls = BusCalls::kSimulation;
+  /// Adds the simulation's truth to a tick's frame; called before the bus moves on. Must not throw.
   std::function<void(TelemetryFrame&)> observe = {};
   std::vector<FrameSink*> sinks = {};       ///< besides the log
   RunLogWriter* log = nullptr;              ///< size it with log_capacity()
   const std::atomic<bool>* stop = nullptr;  ///< set from outside: end after the current tick
+};
+
+/// Of a run paced by the clock.
+struct Timing {
+  LatencyHistogram wakeup;    ///< start of a tick after its grid point
+  LatencyHistogram tick;      ///< controller, log and telemetry ring
+  LatencyHistogram exchange;  ///< with the wait for the replies
 };
 
 struct ExecutorReport {
@@ -36,7 +51,9 @@ struct ExecutorReport {
   double wall_time = 0.0;      ///< s
   std::uint64_t overruns = 0;  ///< ticks that ended after their period (realtime)
   std::uint64_t skipped = 0;   ///< grid points lost to them
-  double worst_wakeup = 0.0;   ///< s, latest start of a tick after its grid point
+  Timing timing;
+  GuardReport guards;
+  std::vector<std::string> refused;  ///< what the system did not grant of ExecutorOptions::runtime
   std::uint64_t log_dropped = 0;
 };
 
@@ -45,6 +62,7 @@ struct ExecutorReport {
 
 /// Enables the bus, runs until the controller has finished, faulted, the bus is down or stop is
 /// set, and disables the bus. The controller must be loaded.
+/// @throws InputError before the bus is enabled: a required setting is not granted, no such guard
 [[nodiscard]] ExecutorReport execute(Controller& controller, MotorBus& bus,
                                      const ExecutorOptions& options);
 

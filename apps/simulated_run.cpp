@@ -5,6 +5,7 @@
 
 #include "apps/controller_config.hpp"
 #include "apps/run_support.hpp"
+#include "apps/timing_report.hpp"
 #include "robot_model/loader.hpp"
 #include "sim_backend/ode_bus.hpp"
 
@@ -32,7 +33,7 @@ std::string joined(const std::vector<std::string>& names) {
 
 bool SimulatedRun::success() const {
   return execution.status == TickStatus::kFinished && execution.bus != BusStatus::kDown &&
-         verdict.success;
+         verdict.success && !execution.guards.found();
 }
 
 double SimulatedRun::real_time_factor() const {
@@ -50,6 +51,7 @@ std::string SimulatedRun::failure(const RobotModel& model) const {
     return std::string("the controller gave up: ") + to_string(execution.fault) + joint + "; " +
            describe(verdict);
   }
+  if (execution.guards.found()) return execution.guards.finding();
   return describe(verdict);
 }
 
@@ -80,6 +82,7 @@ SimulatedRun run_in_simulation(const RobotModel& model, const Scenario& scenario
   run.feed_forward = options.control.feed_forward == FeedForward::kPlan;
   const StopGuard guard;
   ExecutorOptions execution{.realtime = options.realtime, .stop = guard.flag()};
+  execution.runtime = options.runtime;
   execution.log = log ? &*log : nullptr;
   if (telemetry) execution.sinks.push_back(&telemetry->ring());
   execution.observe = [&](TelemetryFrame& frame) {
@@ -102,9 +105,7 @@ std::string describe(const SimulatedRun& run, const RobotModel& model) {
   const ExecutorReport& execution = run.execution;
   out << "run:         " << to_string(execution.status) << " after " << execution.ticks
       << " ticks, " << run.real_time_factor() << " times real time\n";
-  if (execution.overruns > 0)
-    out << "late:        " << execution.overruns << " ticks, " << execution.skipped
-        << " grid points lost, worst wake-up " << 1e3 * execution.worst_wakeup << " ms\n";
+  out << describe_timing(execution);
   out << "peak torque: " << run.peak_torque << " N m (" << run.peak_joint << ")\n";
   out << "on top:      " << joined(run.verdict.final_contacts) << ", "
       << 100.0 * run.verdict.weight_on_obstacle << " % of the weight\n";

@@ -23,6 +23,7 @@ struct SimulatedRunOptions {
   std::string log;                     ///< file; empty: no log
   std::string plan_sha256;             ///< of what is executed, for the log
   bool realtime = false;
+  RuntimeSettings runtime = ordinary_thread();  ///< of a real-time run
   /// Springs of the robot file between motors and links; the controller expects them.
   bool springs = false;
   /// The world differs from model and scenario by this; the controller does not know (but of

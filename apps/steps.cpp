@@ -81,6 +81,19 @@ PreparedRun prepare_run(const RobotOptions& robot, const RobotModel& model,
   return run;
 }
 
+/// @param paced  by the clock
+RuntimeSettings runtime_settings(const ExecutionOptions& options, bool paced) {
+  RuntimeSettings settings = load_runtime_settings(find_file(options.runtime));
+  if (!options.guard.empty()) {
+    settings.guards = parse_guards(options.guard);
+    if (!paced)
+      throw InputError(
+          "--guard: only in a run paced by the clock (--realtime, or --hal without --lock-step)");
+  }
+  if (!options.operator_socket.empty()) settings.operator_socket.socket = options.operator_socket;
+  return settings;
+}
+
 void save_costs(const std::vector<CostSample>& costs, const std::string& file) {
   std::string text = "state,phase,iteration,cost,ik_error_m\n";
   for (const CostSample& c : costs)
@@ -249,6 +262,13 @@ void add_execution_options(CLI::App& command, ExecutionOptions& options) {
                   "plan: the plan's torques are added to the PID; none: PID alone")
       ->check(CLI::IsMember({"plan", "none"}));
   command.add_flag("--realtime", options.realtime, "paced by the clock, not as fast as possible");
+  command
+      .add_option("--runtime", options.runtime,
+                  "paced by the clock: priority, processors, memory, guards (docs/realtime.md)")
+      ->capture_default_str();
+  command.add_option(
+      "--guard", options.guard,
+      "paced by the clock: malloc,syscalls,faults: trap these in the control thread");
   command.add_flag("--springs", options.springs,
                    "series springs of the robot file, and references that make up for them");
   command.add_option("--perturbed", options.perturbed,
@@ -269,6 +289,7 @@ SimulatedRun run_plan(const RobotOptions& robot, const RobotModel& model, const 
   run.log = log;
   run.plan_sha256 = prepared.plan_sha256;
   run.realtime = options.realtime;
+  run.runtime = runtime_settings(options, options.realtime);
   run.dds = options.dds;
   run.springs = options.springs;
   if (options.perturbed) run.perturbation = draw_perturbation({}, model, *options.perturbed);
@@ -288,6 +309,7 @@ BusRun run_plan_on_buses(const RobotOptions& robot, const RobotModel& model,
   run.plan_sha256 = prepared.plan_sha256;
   run.log = log;
   run.lock_step = options.lock_step;
+  run.runtime = runtime_settings(options, !options.lock_step);
   run.frame_log = options.frame_log;
   run.dds = options.dds;
   for (const std::string& file : {log, options.frame_log})

@@ -67,6 +67,9 @@ struct ExecutionOptions {
   bool lock_step = false;    ///< motor buses: see lock_step.hpp
   bool rehearse = false;     ///< motor buses: simulated, with virtual drives, in this process
   std::string frame_log;     ///< motor buses in lock step or rehearsed: file for every frame
+  std::string runtime = "configs/runtime/default.yaml";
+  std::string guard;            ///< see parse_guards(); empty: as in `runtime`
+  std::string operator_socket;  ///< empty: as in `runtime`
 };
 void add_execution_options(CLI::App& command, ExecutionOptions& options);
 
