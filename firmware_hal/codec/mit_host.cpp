@@ -172,7 +172,7 @@ CodecStatus MitHost::receive(const CanFrame& frame) noexcept {
       const bool off = links_[i].status.phase == LinkPhase::kOff;
       const bool fault = reply.error != 0 && (off || drive.bad_replies >= kBelieved);
       store_reply(links_[i], reply.q, reply.dq, reply.tau, reply.temperature,
-                  fault ? kJointFault : 0u);
+                  fault ? std::uint32_t{kJointFault} : std::uint32_t{0});
       return status;
     }
     if (status != CodecStatus::kForeign) best = status;

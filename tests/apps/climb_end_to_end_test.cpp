@@ -28,6 +28,15 @@ class ClimbEndToEnd : public testing::Test {
     result_ = new test::CommandResult(climb(first_));
     EXPECT_EQ(other.get().exit_code, 0);
     EXPECT_EQ(result_->exit_code, 0) << result_->error;
+    keep();
+  }
+  /// Other tests begin where a climb ends.
+  static void keep() {
+    const std::filesystem::path kept = CLAMBER_CLIMB_FOLDER;
+    std::filesystem::create_directories(kept);
+    for (const char* name : {"plan.json", "plan.cert", "plan.img", "climb.log"})
+      std::filesystem::copy_file(file(name), kept / name,
+                                 std::filesystem::copy_options::overwrite_existing);
   }
   static void TearDownTestSuite() {
     delete first_;
