@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "planner_offline/contacts/standing_leg.hpp"
 #include "planner_offline/planning_failed.hpp"
 #include "robot_model/kinematics.hpp"
 #include "robot_model/loader.hpp"
@@ -14,9 +15,6 @@ namespace {
 constexpr double kStanding = 0.5;     // s before the first touch: the feet show the floor
 constexpr double kBelowFloor = 0.02;  // m, a sole lower than this: an earlier step up
 constexpr double kAfter = 0.5;        // s played after the last touch
-/// Height of a knee over its sole, as a share of their distance, from which the leg stands on its
-/// foot: kneeling, the shank lies.
-constexpr double kStandingShank = 0.8;
 
 /// A sphere in the motion's world, m.
 struct Ball {
@@ -96,7 +94,8 @@ class Search {
       const Pose& X_WB = data.X_WB[static_cast<std::size_t>(link.body)];
       if (!link.is_patch) {
         sample.limbs.push_back(ball(X_WB * link.points.front(), link.radius));
-        sample.upright.push_back(stands_on_foot(link, data));
+        // A knee may be at the height of the top, before the obstacle, while its leg stands.
+        sample.upright.push_back(upright_over_foot(model_, link, data));
         continue;
       }
       double lowest = std::numeric_limits<double>::infinity();
@@ -114,27 +113,6 @@ class Search {
       add_geom(model_.geoms[static_cast<std::size_t>(geom)], data, sample.forbidden);
     }
     samples_.push_back(std::move(sample));
-  }
-
-  [[nodiscard]] static Eigen::Vector3d sole_middle(const ContactLink& foot, const RobotData& data) {
-    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    for (const Eigen::Vector3d& corner : foot.points) {
-      sum += data.X_WB[static_cast<std::size_t>(foot.body)] * corner;
-    }
-    return sum / static_cast<double>(foot.points.size());
-  }
-
-  /// A knee may be at the height of the top, before the obstacle, while its leg stands.
-  [[nodiscard]] bool stands_on_foot(const ContactLink& link, const RobotData& data) const {
-    const Eigen::Vector3d p = data.X_WB[static_cast<std::size_t>(link.body)] * link.points.front();
-    return std::any_of(model_.contacts.begin(), model_.contacts.end(),
-                       [&](const ContactLink& foot) {
-                         if (!foot.is_patch || foot.limb != link.limb) {
-                           return false;
-                         }
-                         const Eigen::Vector3d up = p - sole_middle(foot, data);
-                         return up.z() > kStandingShank * up.norm();
-                       });
   }
 
   /// Front faces worth trying: somewhere under the limbs' path.

@@ -8,6 +8,8 @@
 #include <optional>
 #include <utility>
 
+#include "planner_offline/contacts/standing_leg.hpp"
+
 namespace clamber {
 namespace {
 
@@ -152,8 +154,16 @@ struct ContactSampler::Impl {
     return points;
   }
 
+  /// The shank of a person who stands before a low obstacle leans on its edge; nobody kneels there.
+  [[nodiscard]] bool stands(const ContactLink& link, const RobotData& data) const {
+    return upright_over_foot(model, link, data) && !on_floor(*foot_of(model, link), data).empty();
+  }
+
   bool touch_obstacle(const ContactLink& link, const RobotData& data, bool held,
                       ContactSample& sample, Touches& touches) {
+    if (stands(link, data)) {
+      return false;
+    }
     const double reach = held ? config.release : config.threshold;
     if (distance(link.geom, data) > reach) {
       return false;

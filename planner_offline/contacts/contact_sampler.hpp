@@ -43,6 +43,7 @@ class ContactSampler {
   /// All of the robot's links against the obstacle, its contact links against the floor (z = 0)
   /// too. A contact link near the obstacle is a contact if it is the top face that it meets: the
   /// direction from the nearest point of the obstacle is less than 45 degrees off the vertical.
+  /// The knee of a leg that stands upright on its foot on the floor is none.
   /// A limb that is on the obstacle stands there: its foot, about to leave the floor, widens the
   /// hull of support but is not listed under `floor`. Whatever else touches the obstacle (front
   /// face, shank, forearm, torso) goes to `others`.

@@ -143,6 +143,27 @@ TEST_F(Sampler, HoldsAContactUntilItsReleaseDistance) {
   EXPECT_FALSE(touches(0.013, &held)) << "another link's contact does not hold this one";
 }
 
+TEST_F(Sampler, AKneeBeforeTheEdgeIsNoContactWhileItsLegStands) {
+  Configuration x{Pose{}, model_.home};
+  RobotData data;
+  forward_kinematics(model_, x, data);
+  const auto height_of = [&](const char* name) {
+    const ContactLink& contact = link(name);
+    return (data.X_WB[static_cast<std::size_t>(contact.body)] * contact.points.front()).z() -
+           contact.radius;
+  };
+  const double shank = height_of("Lknee") - height_of("Lfoot");
+  const auto touches = [&](double raised) {
+    const ContactSampler sampler(model_, box_of(0.9, 1.0, shank + raised), {});
+    const double z = shank + raised + link("Lknee").radius + 0.005;
+    const ContactSample sample = sampler.sample(0.0, with_point_at("Lknee", {0.01, 0.1, z}));
+    return std::any_of(sample.obstacle.begin(), sample.obstacle.end(),
+                       [](const ContactReference& c) { return c.link == "Lknee"; });
+  };
+  EXPECT_FALSE(touches(0.0)) << "the foot is on the floor";
+  EXPECT_TRUE(touches(0.10)) << "the foot hangs";
+}
+
 TEST_F(Sampler, GivesPositionsInTheEdgeFrameOfATurnedObstacle) {
   ObstacleBox box = box_of(0.9, 1.0, 0.275);
   box.yaw = 0.5;
