@@ -303,27 +303,34 @@ PlanningResult Planning::finish() {
 
 namespace {
 
-/// With the clearance that the uncertainty asks for, then with less: the settings of each try.
-std::vector<PlannerSettings> with_clearances(const PlannerSettings& settings) {
-  std::vector<PlannerSettings> tries;
-  for (const double wide : settings.search.wide_clearances) {
-    if (wide <= settings.clearance.obstacle) continue;
-    tries.push_back(settings);
-    tries.back().clearance.obstacle = wide;
-    tries.back().search.most_attempts =
-        std::min(settings.search.wide_attempts, settings.search.most_attempts);
-  }
-  tries.push_back(settings);
-  return tries;
+/// One way to plan: its settings, and what the plan says when it gave no climb.
+struct Try {
+  PlannerSettings settings;
+  std::string failed;
+};
+
+std::string no_climb_with(const char* what, double metres) {
+  char text[160];
+  std::snprintf(text, sizeof text, "No climb with %.3g mm of %s.", 1e3 * metres, what);
+  return text;
 }
 
-std::string no_climb_with(double clearance) {
-  char text[160];
-  std::snprintf(text, sizeof text,
-                "No climb with %.3g mm of clearance: less room for an obstacle or a start "
-                "elsewhere.",
-                1e3 * clearance);
-  return text;
+/// From the room that the uncertainty asks for to what a certificate just allows.
+std::vector<Try> tries(const PlannerSettings& settings) {
+  std::vector<Try> out;
+  for (const double wide : settings.search.wide_clearances) {
+    if (wide <= settings.clearance.obstacle) continue;
+    out.push_back({settings, no_climb_with("clearance", wide)});
+    out.back().settings.clearance.obstacle = wide;
+    out.back().settings.search.most_attempts =
+        std::min(settings.search.wide_attempts, settings.search.most_attempts);
+  }
+  out.push_back({settings, no_climb_with("support margin", settings.search.support_margin)});
+  if (settings.search.tight_margin < settings.search.support_margin) {
+    out.push_back({settings, ""});
+    out.back().settings.search.support_margin = settings.search.tight_margin;
+  }
+  return out;
 }
 
 void prepend(const std::vector<std::string>& earlier, std::vector<std::string>& rejected) {
@@ -338,10 +345,10 @@ PlanningResult plan_climb(const RobotModel& model, const Scenario& scenario,
   Plan header = plan_header(model, scenario, sequence.recording, sequence.synthetic);
   header.notes = sequence.notes;
   const std::vector<Move> moves = plan_moves(model, scenario, sequence, header.notes);
-  const std::vector<PlannerSettings> tries = with_clearances(settings);
+  const std::vector<Try> all = tries(settings);
   std::vector<std::string> rejected;  // by the tries before
   for (std::size_t i = 0;; ++i) {
-    Planning planning(model, scenario, tries[i], progress, check, header);
+    Planning planning(model, scenario, all[i].settings, progress, check, header);
     try {
       planning.find_along(moves);
       PlanningResult result = planning.finish();
@@ -350,10 +357,10 @@ PlanningResult plan_climb(const RobotModel& model, const Scenario& scenario,
     } catch (const PlanningFailed& failed) {
       PlanningLog log = failed.log() != nullptr ? *failed.log() : PlanningLog();
       prepend(rejected, log.rejected);
-      if (i + 1 == tries.size())
+      if (i + 1 == all.size())
         throw PlanningFailed(failed.what(), std::make_shared<const PlanningLog>(log));
       rejected = std::move(log.rejected);
-      header.notes.push_back(no_climb_with(tries[i].clearance.obstacle));
+      header.notes.push_back(all[i].failed);
     }
   }
 }

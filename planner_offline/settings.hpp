@@ -38,6 +38,7 @@ struct SearchSettings {
   std::size_t steady_attempts = 12;  ///< sets tried before a climb that is not steady is taken
   int most_steps = 400;           ///< inverse-kinematics steps of one motion before it is given up
   double support_margin = 0.012;  ///< m, CoM inside the support region
+  double tight_margin = 0.008;    ///< m, the same once no climb was found with that
   double free_margin = 0.045;  ///< m, the same while nothing but feet carries: there is no hand to
                                ///< catch a disturbance
   double steady_margin =

@@ -121,6 +121,7 @@ void read_keys(Section& section, SearchSettings& search) {
   section.count("steady_attempts", search.steady_attempts);
   section.count("most_steps", search.most_steps);
   section.non_negative("support_margin", search.support_margin);
+  section.non_negative("tight_margin", search.tight_margin);
   section.non_negative("free_margin", search.free_margin);
   section.non_negative("steady_margin", search.steady_margin);
   section.non_negative("settled_margin", search.settled_margin);

@@ -51,9 +51,10 @@ auto members(const ReferenceSettings& s) {
   return std::tuple(a, b, c, d, e, f, g, h, i, j, k);
 }
 auto members(const SearchSettings& s) {
-  const auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, t, u, v, w, x, y, z, wide] = s;
-  return std::tuple(a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, t, u, v, w, x, y, z,
-                    wide);
+  const auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, t, u, v, w, x, y, z, wide,
+               tight] = s;
+  return std::tuple(a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, t, u, v, w, x, y, z, wide,
+                    tight);
 }
 auto members(const TimingSettings& s) {
   const auto& [a, b, c, d, e] = s;
