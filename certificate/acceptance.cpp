@@ -26,7 +26,7 @@ Acceptance::Acceptance() {
   limit[Quantity::kContactDepth] = 0.003;
   limit[Quantity::kSlip] = 0.015;
   limit[Quantity::kEdgeDistance] = 0.020;
-  limit[Quantity::kFeedForwardError] = 1.0;
+  limit[Quantity::kFeedForwardError] = 0.0333;
   for (const Quantity held :
        {Quantity::kHeightHeld, Quantity::kStartHeld, Quantity::kMassHeld, Quantity::kTiltHeld})
     limit[held] = 0.0;

@@ -194,14 +194,16 @@ void Measure::measure_statics(TouchMask mask, PointForces forces, double force_r
   total += force_rates * h_;
   out.value[Quantity::kFrictionSlack] = mask == 0 ? -mass_ * kGravity : friction;
   double slack = std::numeric_limits<double>::infinity(), heavy = slack;
+  double strongest = 0.0;
   for (std::size_t j = 0; j < model_.joints.size(); ++j) {
     const double t = std::abs(tau_[static_cast<Eigen::Index>(j)]);
     slack = std::min(slack, model_.joints[j].torque_limit - t);
     heavy = std::min(heavy, model_.joints[j].torque_limit - (1.0 + uncertainty_.mass_share) * t);
+    strongest = std::max(strongest, model_.joints[j].torque_limit);
   }
   out.value[Quantity::kTorqueSlack] = slack;
   out.value[Quantity::kTorqueSlackHeavy] = heavy;
-  out.value[Quantity::kFeedForwardError] = (tau_ff_ - tau_).cwiseAbs().maxCoeff();
+  out.value[Quantity::kFeedForwardError] = (tau_ff_ - tau_).cwiseAbs().maxCoeff() / strongest;
 
   const double moment_bow = h_ * h_ / 8.0 * moment_curvature(mask, forces, force_rates);
   double turn = 0.0, turn_acceleration = 0.0, acceleration = 0.0, reach = 0.0;
@@ -221,7 +223,7 @@ void Measure::measure_statics(TouchMask mask, PointForces forces, double force_r
   out.gap[Quantity::kResidualMoment] = moment_bow;
   out.gap[Quantity::kTorqueSlack] = bow;
   out.gap[Quantity::kTorqueSlackHeavy] = (1.0 + uncertainty_.mass_share) * bow;
-  out.gap[Quantity::kFeedForwardError] = bow;
+  out.gap[Quantity::kFeedForwardError] = bow / strongest;
 }
 
 /// Bound on |second derivative| of the contact forces' moment about the centre of mass c:

@@ -27,8 +27,9 @@ enum class Quantity : unsigned char {
   kContactDepth,         ///< farthest that one is below it
   kSlip,                 ///< farthest that a touching point's material has moved since it touched
   kEdgeDistance,         ///< least distance of a touching point from the edge of its surface
-  kFeedForwardError,     ///< largest |plan's interpolated torque - torque of the witness forces|
-  kHeightHeld,           ///< largest error of the obstacle's height at which nothing is hit
+  kFeedForwardError,  ///< largest |plan's interpolated torque - that of the witness forces|, share
+                      ///< of the strongest joint's limit
+  kHeightHeld,        ///< largest error of the obstacle's height at which nothing is hit
   kStartHeld,  ///< largest share of the start's uncertainty at which nothing is hit and contacts
                ///< stay on their surfaces, the height wrong as well
   kMassHeld,   ///< largest share that every single mass may be wrong by, as to torques and cones
@@ -67,7 +68,7 @@ inline constexpr std::array<QuantityInfo, kQuantityCount> kQuantities = {{
     {"contact_depth", "m", Sense::kError},
     {"slip", "m", Sense::kError},
     {"edge_distance", "m", Sense::kSlack},
-    {"feed_forward_error", "N m", Sense::kError},
+    {"feed_forward_error", "1", Sense::kError},
     {"height_held", "m", Sense::kSlack},
     {"start_held", "1", Sense::kSlack},
     {"mass_held", "1", Sense::kSlack},
