@@ -199,12 +199,13 @@ ClearanceReport Clearance::report(const RobotData& data, const ContactSet& conta
                                   const std::vector<int>& landing) const {
   std::vector<Near> found;
   find_near(data, contacts, landing, 0.5, found);
-  ClearanceReport report{0.5, 0.5, 0.5, "", ""};
+  ClearanceReport report{0.5, 0.5, 0.5, 0.5, "", ""};
   for (const Near& near : found) {
     const std::string& a = model_.geoms[static_cast<std::size_t>(near.geom_a)].name;
     if (near.body_b >= 0) {
       if (near.distance.value < report.self) {
         report.self = near.distance.value;
+        report.self_excess = near.distance.value - near.margin;
         report.worst_self_pair =
             a + " - " + model_.geoms[static_cast<std::size_t>(near.geom_b)].name;
       }

@@ -29,6 +29,7 @@ struct ClearanceReport {
   double obstacle = 0.0;         ///< m, smallest over links that are not meant to touch
   double obstacle_excess = 0.0;  ///< m, smallest distance less the margin asked for
   double self = 0.0;             ///< m
+  double self_excess = 0.0;      ///< m, the same of the robot's own links
   std::string worst_obstacle_pair;
   std::string worst_self_pair;
 };

@@ -75,4 +75,27 @@ HqpStatus PostureIk::step(const Configuration& x, const RobotData& data, const T
   return status;
 }
 
+std::string PostureIk::binding(const Configuration& x, const RobotData& data,
+                               const IkConstraints& constraints) const {
+  constexpr double kAtLimit = 0.01;    // rad
+  constexpr double kAtMargin = 0.001;  // m
+  std::string out;
+  const auto add = [&](const std::string& text) { out += (out.empty() ? " (" : ", ") + text; };
+  for (int i = 0; i < model_.joint_count(); ++i) {
+    const Joint& joint = model_.joints[static_cast<std::size_t>(i)];
+    const double room = std::min(x.q[i] - joint.lower, joint.upper - x.q[i]);
+    if (room < settings_.limit_margin + kAtLimit) {
+      add(joint.name + " at its limit");
+    }
+  }
+  const ClearanceReport clear = clearance_.report(data, *constraints.contacts, constraints.landing);
+  if (clear.obstacle_excess < kAtMargin) {
+    add(clear.worst_obstacle_pair + " at its clearance");
+  }
+  if (clear.self_excess < kAtMargin) {
+    add(clear.worst_self_pair + " at theirs");
+  }
+  return out.empty() ? out : out + ")";
+}
+
 }  // namespace clamber

@@ -2,6 +2,8 @@
 // Any thread (one PostureIk each); allocates; never blocks.
 #pragma once
 
+#include <string>
+
 #include "planner_offline/certify/support_region.hpp"
 #include "planner_offline/clearance/clearance.hpp"
 #include "planner_offline/ik/hqp.hpp"
@@ -35,6 +37,12 @@ class PostureIk {
   [[nodiscard]] HqpStatus step(const Configuration& x, const RobotData& data,
                                const TaskStack& stack, const IkConstraints& constraints,
                                VelocityVector& dv);
+
+  /// What holds a posture back that does not get where it should: joints at their limits, the links
+  /// nearest to the obstacle and to each other where they are at their clearance; as text that
+  /// follows a reason, empty: none of these.
+  [[nodiscard]] std::string binding(const Configuration& x, const RobotData& data,
+                                    const IkConstraints& constraints) const;
 
  private:
   void bound(const Configuration& x, bool may_recover, HqpProblem& problem) const;

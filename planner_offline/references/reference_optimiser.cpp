@@ -263,6 +263,10 @@ TouchKeyframe ReferenceOptimiser::finish(Search& search) {
                   keyframe.forces.peak_torque, joint.torque_limit * settings_.forces.torque_share);
   }
   keyframe.problem = text;
+  if (keyframe.ik_error >= settings_.references.ik_error) {
+    keyframe.problem +=
+        ik_.binding(search.x, search.data, {.contacts = &search.contacts, .landing = {}});
+  }
   return keyframe;
 }
 

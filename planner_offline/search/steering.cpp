@@ -199,12 +199,14 @@ MotionResult Steering::move(const Configuration& start, const MotionGoal& goal) 
   }
   if (!progress.swings_done) {
     result.shortfall = progress.swing_error;
-    result.reason = numbers("swing stops %.1f cm short", 100.0 * progress.swing_error, 0.0);
+    result.reason = numbers("swing stops %.1f cm short", 100.0 * progress.swing_error, 0.0) +
+                    ik_.binding(x, data_, constraints);
   } else {
     const double margin = reach_kept(goal);
     result.shortfall = goal.reach_margin - margin;
     result.reason = numbers("centre of mass keeps %.1f cm of %.1f cm support margin",
-                            100.0 * margin, 100.0 * goal.reach_margin);
+                            100.0 * margin, 100.0 * goal.reach_margin) +
+                    ik_.binding(x, data_, constraints);
   }
   return result;
 }

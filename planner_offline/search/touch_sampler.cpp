@@ -221,12 +221,17 @@ double TouchSampler::reach_error(const Attempt& attempt) const {
   return error;
 }
 
+std::string TouchSampler::binding(const Attempt& attempt) const {
+  return ik_.binding(attempt.x, attempt.data,
+                     {.contacts = &attempt.contacts, .landing = attempt.landing});
+}
+
 Rejection TouchSampler::judge(const Attempt& attempt, double margin, double& peak_torque) {
   char text[200];
   const double error = reach_error(attempt);
   if (error > kReached) {
     std::snprintf(text, sizeof text, "contact out of reach by %.1f cm", 100.0 * error);
-    return {text, error};
+    return {text + binding(attempt), error};
   }
   const SupportRegion region(contact_points(model_, attempt.data, attempt.carrying()));
   const double kept = region.margin(attempt.data.com.head<2>());
@@ -234,7 +239,7 @@ Rejection TouchSampler::judge(const Attempt& attempt, double margin, double& pea
   if (kept < margin - kTolerance) {
     std::snprintf(text, sizeof text, "centre of mass keeps %.1f cm of %.1f cm support margin",
                   100.0 * kept, 100.0 * margin);
-    return {text, margin - kept};
+    return {text + binding(attempt), margin - kept};
   }
   const ClearanceReport clear = clearance_.report(attempt.data, attempt.contacts, attempt.landing);
   if (clear.obstacle_excess < -2e-3) {
@@ -249,7 +254,8 @@ Rejection TouchSampler::judge(const Attempt& attempt, double margin, double& pea
   peak_torque = forces.peak_torque;
   if (forces.status == Equilibrium::kTorque) {
     const Joint& joint = model_.joints[static_cast<std::size_t>(forces.peak_joint)];
-    std::snprintf(text, sizeof text, "%s needs %.1f N m", joint.name.c_str(), forces.peak_torque);
+    std::snprintf(text, sizeof text, "%s needs %.1f N m of %.1f", joint.name.c_str(),
+                  forces.peak_torque, joint.torque_limit * settings_.forces.torque_share);
     return {text, kNominalShortfall};
   }
   if (forces.status == Equilibrium::kBalance) {

@@ -62,6 +62,7 @@ class TouchSampler {
   [[nodiscard]] Task reach_task(const Attempt& attempt) const;
   [[nodiscard]] bool advance(Attempt& attempt, const TaskStack& stack, bool collisions);
   [[nodiscard]] double reach_error(const Attempt& attempt) const;
+  [[nodiscard]] std::string binding(const Attempt& attempt) const;
   [[nodiscard]] Rejection judge(const Attempt& attempt, double margin, double& peak_torque);
 
   const RobotModel& model_;
