@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <sstream>
 
 #include "robot_model/yaml_reader.hpp"
@@ -20,6 +19,20 @@ void read_non_negative(const YamlNode& node, const char* key, double& value) {
   if (const auto found = node.find(key)) value = found->non_negative();
 }
 
+/// `off`: never.
+void read_limit(const YamlNode& node, const char* key, double& value) {
+  if (const auto found = node.find(key))
+    value = found->text() == "off" ? ControllerConfig::kNever : found->positive();
+}
+
+void read_ticks(const YamlNode& node, const char* key, std::uint32_t& value) {
+  const auto found = node.find(key);
+  if (!found) return;
+  const double ticks = found->non_negative();
+  if (ticks != std::floor(ticks) || ticks > 1e6) found->fail("expected a number of ticks");
+  value = static_cast<std::uint32_t>(ticks);
+}
+
 /// True for the first, false for the second of two words.
 bool read_choice(const YamlNode& node, const std::string& yes, const std::string& no) {
   const std::string word = node.text();
@@ -34,19 +47,39 @@ void read_start(const YamlNode& node, ControllerConfig& config) {
   read_positive(node, "distance_limit", config.start_distance_limit);
 }
 
+void read_failure_policy(const YamlNode& root, ControllerConfig& config) {
+  const auto node = root.find("failure_policy");
+  if (!node) return;
+  const auto policy = failure_policy_named(node->text());
+  if (!policy) node->fail("expected hold, lower or limp, found " + node->text());
+  config.failure_policy = *policy;
+}
+
 void read_supervision(const YamlNode& root, ControllerConfig& config) {
-  if (const auto limit = root.find("tracking_error_limit"))
-    config.tracking_error_limit =
-        limit->text() == "off" ? std::numeric_limits<double>::infinity() : limit->positive();
-  if (const auto limit = root.find("stale_ticks_limit")) {
-    const double ticks = limit->non_negative();
-    if (ticks != std::floor(ticks) || ticks > 1e6) limit->fail("expected a number of ticks");
-    config.stale_ticks_limit = static_cast<std::uint32_t>(ticks);
-  }
+  read_limit(root, "tracking_error_limit", config.tracking_error_limit);
+  read_ticks(root, "stale_ticks_limit", config.stale_ticks_limit);
+  read_ticks(root, "watchdog_ticks", config.watchdog_ticks);
   read_positive(root, "jump_limit", config.jump_limit);
   read_positive(root, "frozen_limit", config.frozen_limit);
+  read_limit(root, "saturation_time", config.saturation_time);
+  if (const auto node = root.find("overspeed")) {
+    node->allow_only({"factor", "time"});
+    read_limit(*node, "factor", config.overspeed_factor);
+    read_positive(*node, "time", config.overspeed_time);
+  }
+  read_limit(root, "limit_margin", config.limit_margin);
+  read_limit(root, "temperature_limit", config.temperature_limit);
+  read_failure_policy(root, config);
+  if (const auto node = root.find("lowering")) {
+    node->allow_only({"time", "damping"});
+    read_positive(*node, "time", config.lowering_time);
+    read_non_negative(*node, "damping", config.lowering_damping);
+  }
+  read_positive(root, "pause_time", config.pause_time);
   read_positive(root, "overshoot_limit", config.overshoot_limit);
   read_positive(root, "velocity_factor", config.velocity_factor);
+  read_limit(root, "acceleration_limit", config.acceleration_limit);
+  read_limit(root, "jerk_limit", config.jerk_limit);
 }
 
 void read_gain_group(const YamlNode& group, const RobotModel& robot, ControllerConfig& config) {
@@ -112,10 +145,34 @@ ControllerConfig load_controller_config(const std::filesystem::path& file, const
                                         const std::filesystem::path& robot_gains,
                                         std::optional<FeedForward> feed_forward) {
   const YamlNode root = YamlNode::load(file);
-  root.allow_only({"rate_hz", "feed_forward", "torque_limit", "torque_rate_limit",
-                   "derivative_filter", "transfer_time", "time_scale", "start", "hold_time",
-                   "tracking_error_limit", "stale_ticks_limit", "jump_limit", "frozen_limit",
-                   "overshoot_limit", "velocity_factor", "springs", "gains", "feed_forward_gains"});
+  root.allow_only({"rate_hz",
+                   "feed_forward",
+                   "torque_limit",
+                   "torque_rate_limit",
+                   "derivative_filter",
+                   "transfer_time",
+                   "time_scale",
+                   "pause_time",
+                   "start",
+                   "hold_time",
+                   "springs",
+                   "tracking_error_limit",
+                   "stale_ticks_limit",
+                   "jump_limit",
+                   "frozen_limit",
+                   "saturation_time",
+                   "overspeed",
+                   "limit_margin",
+                   "temperature_limit",
+                   "watchdog_ticks",
+                   "failure_policy",
+                   "lowering",
+                   "overshoot_limit",
+                   "velocity_factor",
+                   "acceleration_limit",
+                   "jerk_limit",
+                   "gains",
+                   "feed_forward_gains"});
   ControllerConfig config;
   TorqueLimit limit = TorqueLimit::kPlan;
   if (const auto node = root.find("torque_limit"))
@@ -161,6 +218,12 @@ std::string describe(const LoadReport& report, const RobotModel& robot) {
       break;
     case LoadStatus::kTooFast:
       out << ": " << joint << " at " << report.worst << " rad/s";
+      break;
+    case LoadStatus::kTooHard:
+      out << ": " << joint << " at " << report.worst << " rad/s^2";
+      break;
+    case LoadStatus::kTooJerky:
+      out << ": " << joint << " at " << report.worst << " rad/s^3";
       break;
     default:
       break;

@@ -77,7 +77,11 @@ class Loop {
         guard_exchange_(options.bus_calls != BusCalls::kSimulation),
         fault_ticks_(ticks_in(options.fault_time, controller.config().dt)),
         states_(static_cast<std::size_t>(bus.joint_count())),
-        commands_(states_.size()) {}
+        commands_(states_.size()) {
+    // Nobody operates this run: who started it wants it executed.
+    controller_.request(OperatorCommand::kArm);
+    controller_.request(OperatorCommand::kStart);
+  }
 
   void run_paced() {
     guards_.install(options_.bus_calls);
@@ -133,13 +137,17 @@ class Loop {
   }
 
   Next tick() noexcept {
+    controller_.set_bus_health(
+        {.skipped_ticks = static_cast<std::uint32_t>(report_.skipped - skipped_)});
+    skipped_ = report_.skipped;
     report_.status = controller_.tick(states_, commands_, frame_);
     if (!guard_exchange_) guards_.leave();
     if (options_.observe) options_.observe(frame_);
     hand_over();
     ++report_.ticks;
     report_.stopped = options_.stop != nullptr && options_.stop->load(std::memory_order_relaxed);
-    faulted_ += report_.status == TickStatus::kFault ? 1 : 0;
+    const bool sinks = controller_.supervision().mode == Mode::kLowering;
+    faulted_ += report_.status == TickStatus::kFault && !sinks ? 1 : 0;
     const bool over =
         report_.stopped || report_.status == TickStatus::kFinished || faulted_ > fault_ticks_;
     return over ? Next::kStop : Next::kContinue;
@@ -158,7 +166,8 @@ class Loop {
   TickGuards guards_;
   bool guard_exchange_;
   std::uint64_t fault_ticks_;
-  std::uint64_t faulted_ = 0;
+  std::uint64_t faulted_ = 0;  ///< ticks, those in which it still sinks not among them
+  std::uint64_t skipped_ = 0;  ///< grid points, up to the last tick
   std::vector<JointState> states_;
   std::vector<JointCommand> commands_;
   TelemetryFrame frame_;

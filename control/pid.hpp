@@ -48,6 +48,12 @@ class JointPid {
   /// @returns the torque to command, N m
   [[nodiscard]] double update(double q_ref, double q, double dq, double tau_ff) noexcept;
 
+  /// The integral's torque goes over into the transfer torque.
+  void clear_integral() noexcept {
+    integral_ = 0.0;
+    rebase_ = true;
+  }
+
   [[nodiscard]] double output() const noexcept { return output_; }
   /// The last output without its answer to the rate, within the torque limit: what keeps the joint
   /// where it was.

@@ -40,6 +40,8 @@ struct SplineExtremes {
   double lowest = 0.0;
   double highest = 0.0;
   double fastest = 0.0;    ///< largest |rate|, per s
+  double hardest = 0.0;    ///< largest |acceleration|, per s^2
+  double jerkiest = 0.0;   ///< largest |jerk|, per s^3; the spline's is a step at every knot
   double overshoot = 0.0;  ///< farthest that a segment leaves the interval between its two knots
 };
 
@@ -100,7 +102,7 @@ class ClampedSpline {
   }
 
   [[nodiscard]] SplineExtremes extremes(std::size_t d) const noexcept {
-    SplineExtremes e{knots_.value(0, d), knots_.value(0, d), 0.0, 0.0};
+    SplineExtremes e{.lowest = knots_.value(0, d), .highest = knots_.value(0, d)};
     for (std::size_t i = 0; i + 1 < count_; ++i) {
       const Cubic c = cubic(i, d);
       const double low = std::min(knots_.value(i, d), knots_.value(i + 1, d));
@@ -113,6 +115,10 @@ class ClampedSpline {
         e.fastest = std::max(e.fastest, std::abs(x.rate));
         e.overshoot = std::max({e.overshoot, low - x.value, x.value - high});
       };
+      // The acceleration is a line, the jerk constant.
+      e.hardest =
+          std::max({e.hardest, std::abs(c.at(0.0).acceleration), std::abs(c.at(c.h).acceleration)});
+      e.jerkiest = std::max(e.jerkiest, std::abs(6.0 * c.c3));
       // The rate is a parabola in s: its roots turn the value, its apex turns the rate.
       visit(0.0);
       visit(c.h);

@@ -37,6 +37,8 @@ TEST_F(Allocation, TenThousandTicksAllocateNothing) {
   {
     const test::AllocationGuard guard;
     loaded = controller->load(config, test::kRobotHash, image, workspace);
+    controller->request(OperatorCommand::kArm);
+    controller->request(OperatorCommand::kStart);
     for (int i = 0; i < 10000; ++i) {
       if (i == 5000) robot.states[3].q = std::numeric_limits<double>::quiet_NaN();
       const TickStatus status = controller->tick(robot.states, robot.commands, frame);

@@ -23,7 +23,12 @@ struct Rig {
   TelemetryFrame frame;
   TickStatus status = TickStatus::kWaiting;
 
-  LoadReport load() { return controller.load(config, test::kRobotHash, image, workspace); }
+  LoadReport load() {
+    const LoadReport report = controller.load(config, test::kRobotHash, image, workspace);
+    controller.request(OperatorCommand::kArm);
+    controller.request(OperatorCommand::kStart);
+    return report;
+  }
   void tick() {
     status = controller.tick(robot.states, robot.commands, frame);
     robot.step(config.dt);
@@ -39,7 +44,7 @@ struct Rig {
 TEST(Controller, WalksThroughItsModesAndArrives) {
   Rig rig;
   ASSERT_EQ(rig.load().status, LoadStatus::kOk);
-  std::array<int, 6> seen{};
+  std::array<int, 9> seen{};
   std::uint64_t ticks = 0;
   do {
     rig.tick();

@@ -63,6 +63,8 @@ class Rig {
         workspace(Controller::workspace_size(keyframes().size())) {
     if (controller.load(config(), kRobotHash, image, workspace).status != LoadStatus::kOk)
       throw InputError("the fault matrix's plan is refused");
+    controller.request(OperatorCommand::kArm);
+    controller.request(OperatorCommand::kStart);
   }
 
   /// As the executor does it.
