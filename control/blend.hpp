@@ -4,7 +4,7 @@
 
 namespace clamber {
 
-struct MotionState {
+struct MotionPoint {
   double q = 0.0;    ///< rad
   double dq = 0.0;   ///< rad/s
   double ddq = 0.0;  ///< rad/s^2
@@ -32,7 +32,7 @@ struct RestingQuintic {
 class QuinticBlend {
  public:
   QuinticBlend() = default;
-  QuinticBlend(const MotionState& from, const MotionState& to, double duration) noexcept
+  QuinticBlend(const MotionPoint& from, const MotionPoint& to, double duration) noexcept
       : from_(from.q), distance_(to.q - from.q), t_(duration) {
     moves_ = from.dq != 0.0 || from.ddq != 0.0 || to.dq != 0.0 || to.ddq != 0.0;
     c1_ = from.dq * t_;
@@ -45,8 +45,8 @@ class QuinticBlend {
     c5_ = 6.0 * d - 3.0 * e + 0.5 * f;
   }
 
-  [[nodiscard]] MotionState at(const RestingQuintic& base) const noexcept {
-    MotionState x{from_ + base.value * distance_, base.rate * distance_,
+  [[nodiscard]] MotionPoint at(const RestingQuintic& base) const noexcept {
+    MotionPoint x{from_ + base.value * distance_, base.rate * distance_,
                   base.acceleration * distance_};
     if (!moves_) return x;
     const double s = base.s;

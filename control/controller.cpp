@@ -290,7 +290,7 @@ void Controller::take_over(States states) noexcept {
 }
 
 /// Where the reference is and how it moves, from which a move starts.
-MotionState Controller::present(std::size_t joint) const noexcept {
+MotionPoint Controller::present(std::size_t joint) const noexcept {
   const Reference& r = reference_[joint];
   if (path_ == Path::kStand || clock_.stands()) return {.q = r.q};
   return {.q = r.q, .dq = r.dq, .ddq = r.ddq};
@@ -395,7 +395,7 @@ void Controller::reference_to_start() noexcept {
   const double rate = clock_.rate();
   const double acceleration = clock_.acceleration();
   for (std::size_t j = 0; j < config_.joint_count; ++j) {
-    const MotionState x = blend_[j].at(base);
+    const MotionPoint x = blend_[j].at(base);
     const double from = from_torque_[j];
     reference_[j] = {.q = x.q,
                      .dq = x.dq * rate,
@@ -489,9 +489,7 @@ JointCommand Controller::command_lowered(std::size_t joint, const JointState& st
   if (trust_[joint] == JointTrust::kUnbelievable) return {.tau = support};
   if (trust_[joint] == JointTrust::kMissing)
     return {.q = reference_[joint].q, .kd = config_.lowering_damping, .tau = support};
-  reference_[joint].q = state.q;
-  watch_[joint].rebase(state.q);
-  return {.q = state.q, .tau = pid_[joint].update(state.q, state.q, state.dq, support)};
+  return {.q = reference_[joint].q, .tau = pid_[joint].update(state.q, state.q, state.dq, support)};
 }
 
 void Controller::count_saturation(States states, std::span<const JointCommand> commands) noexcept {
@@ -565,7 +563,7 @@ SwitchStatus Controller::check_blend(const ControllerPlan& plan, double join) co
     const Reference to = plan_at(plan, join, segment, j);
     const QuinticBlend blend(present(j), {to.q, to.dq, to.ddq}, duration);
     for (int i = 0; i <= kSteps; ++i) {
-      const MotionState x = blend.at(RestingQuintic::at(static_cast<double>(i) / kSteps, duration));
+      const MotionPoint x = blend.at(RestingQuintic::at(static_cast<double>(i) / kSteps, duration));
       const bool inside = x.q >= joint.lower - config_.overshoot_limit &&
                           x.q <= joint.upper + config_.overshoot_limit;
       if (!inside || std::abs(x.dq) > config_.velocity_factor * joint.velocity_limit)

@@ -225,7 +225,7 @@ class Controller {
   [[nodiscard]] double stretch(std::size_t joint, double tau) const noexcept;
   [[nodiscard]] Reference plan_at(const ControllerPlan& plan, double time, std::size_t segment,
                                   std::size_t joint) const noexcept;
-  [[nodiscard]] MotionState present(std::size_t joint) const noexcept;
+  [[nodiscard]] MotionPoint present(std::size_t joint) const noexcept;
   [[nodiscard]] SwitchStatus check_blend(const ControllerPlan& plan, double join) const noexcept;
   // Commands.
   void command(States states, std::span<JointCommand> commands) noexcept;

@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <initializer_list>
 
 namespace clamber {
 
@@ -33,12 +34,13 @@ class PlanClock {
 
   /// Goes on as it runs, but at `time` and with another top; shares of top stay what they are.
   void transfer(double time, double top) noexcept {
-    const Point now = at(elapsed());
     const double scale = top / top_;
     top_ = top;
     aim_ *= scale;
     if (duration_ < 0.0) return steady(time, rate_ * scale);
-    begin({time, now.rate * scale, now.accel * scale});
+    const double gone = (at(elapsed()).time - anchor_) * scale;
+    anchor_ = time - gone;
+    for (double* x : {&rate_, &accel_, &c2_, &c3_}) *x *= scale;
   }
 
   /// From now on toward this share (0 to 1) of top.

@@ -24,6 +24,8 @@ LoadReport ClimbLoop::start(std::span<const std::byte> image, std::span<double> 
   const std::string_view hash(header_.robot_hash.data(), header_.robot_hash.size());
   const LoadReport report = controller_.load(header_.control, hash, image, workspace);
   if (report.status != LoadStatus::kOk) return report;
+  controller_.request(OperatorCommand::kArm);
+  controller_.request(OperatorCommand::kStart);
   for (std::size_t j = 0; j < header_.joint_count; ++j)
     if (!host_.add_drive(header_.drives[j].mit, header_.drives[j].mounting, 0.0))
       return {.status = LoadStatus::kBadConfig};

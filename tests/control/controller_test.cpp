@@ -284,6 +284,186 @@ TEST(Controller, WithoutAPlanItCommandsNothing) {
   EXPECT_EQ(rig.robot.commands[0].tau, 0.0);
 }
 
+// ---- supervision; what follows on what: supervisor_test.cpp
+
+Rig executing(const auto& change) {
+  Rig rig;
+  change(rig.config);
+  EXPECT_EQ(rig.load().status, LoadStatus::kOk);
+  rig.run(1000);
+  EXPECT_EQ(rig.status, TickStatus::kTracking);
+  return rig;
+}
+
+TEST(Controller, CommandsNothingBeforeItIsArmedAndHoldsUntilItIsStarted) {
+  Rig rig;
+  rig.place(0.1);
+  for (auto& s : rig.robot.states) s.tau = 3.0;
+  ASSERT_EQ(rig.controller.load(rig.config, test::kRobotHash, rig.image, rig.workspace).status,
+            LoadStatus::kOk);
+  EXPECT_EQ(rig.controller.supervision().mode, Mode::kBoot);
+  rig.controller.request(OperatorCommand::kStart);  // without arm: nothing
+  for (int i = 0; i < 50; ++i) {
+    static_cast<void>(rig.controller.tick(rig.robot.states, rig.robot.commands, rig.frame));
+    for (const auto& c : rig.robot.commands) EXPECT_EQ(c.tau, 0.0);
+  }
+  EXPECT_EQ(rig.controller.supervision().mode, Mode::kDisabled);
+  rig.controller.request(OperatorCommand::kArm);
+  rig.tick();
+  EXPECT_EQ(rig.status, TickStatus::kIdle);
+  for (const auto& c : rig.robot.commands) EXPECT_DOUBLE_EQ(c.tau, 3.0);
+  rig.run(500);
+  for (const auto& s : rig.robot.states) EXPECT_NEAR(s.q, 0.1, 0.01);
+  rig.controller.request(OperatorCommand::kStart);
+  rig.tick();
+  EXPECT_EQ(rig.status, TickStatus::kMovingToStart);
+  rig.controller.request(OperatorCommand::kDisarm);  // not in motion
+  rig.tick();
+  EXPECT_EQ(rig.status, TickStatus::kMovingToStart);
+}
+
+TEST(Controller, PausesStopsAndStartsAgain) {
+  Rig rig = executing([](auto&) {});
+  rig.controller.request(OperatorCommand::kPause);
+  rig.run(300);
+  EXPECT_EQ(rig.status, TickStatus::kPaused);
+  const double time = rig.frame.plan_time;
+  EXPECT_NEAR(time, 0.8 + 0.125, 2e-3);
+  rig.run(1000);
+  EXPECT_EQ(rig.frame.plan_time, time);
+  rig.controller.request(OperatorCommand::kResume);
+  rig.run(500);
+  EXPECT_EQ(rig.status, TickStatus::kTracking);
+  EXPECT_GT(rig.frame.plan_time, time + 0.3);
+  rig.controller.request(OperatorCommand::kStop);
+  rig.controller.request(OperatorCommand::kResume);  // does not outrank stop
+  rig.run(400);
+  EXPECT_EQ(rig.status, TickStatus::kStopped);
+  EXPECT_EQ(rig.controller.fault(), FaultCode::kNone);
+  rig.controller.request(OperatorCommand::kStart);
+  for (int i = 0; i < 8000 && rig.status != TickStatus::kFinished; ++i) rig.tick();
+  EXPECT_EQ(rig.status, TickStatus::kFinished);
+}
+
+TEST(Controller, AnEstopIsHeldUntilItIsAcknowledged) {
+  Rig rig = executing([](auto&) {});
+  rig.controller.request(OperatorCommand::kEstop);
+  rig.run(400);
+  EXPECT_EQ(rig.status, TickStatus::kFault);
+  EXPECT_EQ(rig.controller.fault(), FaultCode::kEstop);
+  EXPECT_EQ(rig.controller.supervision().mode, Mode::kHolding);
+  const double held = rig.frame.q_ref[0];
+  for (const auto command :
+       {OperatorCommand::kStart, OperatorCommand::kResume, OperatorCommand::kArm}) {
+    rig.controller.request(command);
+    rig.run(100);
+    EXPECT_EQ(rig.status, TickStatus::kFault);
+    EXPECT_EQ(rig.frame.q_ref[0], held);
+  }
+  rig.controller.request(OperatorCommand::kAck);
+  rig.run(10);
+  EXPECT_EQ(rig.status, TickStatus::kIdle);
+  rig.controller.request(OperatorCommand::kStart);
+  rig.run(10);
+  EXPECT_EQ(rig.status, TickStatus::kMovingToStart);
+}
+
+TEST(Controller, LowersSlowlyThenLetsGo) {
+  Rig rig = executing([](auto& c) { c.failure_policy = FailurePolicy::kLower; });
+  rig.robot.plants[1].load = -8.0;
+  rig.run(500);
+  const double before = rig.robot.commands[1].tau;
+  const double height = rig.robot.states[1].q;
+  rig.controller.request(OperatorCommand::kEstop);
+  rig.tick();
+  EXPECT_EQ(rig.controller.supervision().mode, Mode::kLowering);
+  EXPECT_NEAR(rig.robot.commands[1].tau, before, 0.5);  // no step
+  double fastest = 0.0, last = rig.robot.commands[1].tau;
+  for (int i = 0; i < 2990; ++i) {
+    rig.tick();
+    fastest = std::max(fastest, std::abs(rig.robot.states[1].dq));
+    ASSERT_LE(std::abs(rig.robot.commands[1].tau - last), 1.0);
+    last = rig.robot.commands[1].tau;
+    ASSERT_EQ(rig.controller.supervision().mode, Mode::kLowering);
+  }
+  EXPECT_LT(rig.robot.states[1].q, height - 0.1);  // it sinks,
+  EXPECT_LT(fastest, 8.0 / 20.0);                  // slower than the damping alone allows
+  rig.run(20);
+  EXPECT_EQ(rig.controller.supervision().mode, Mode::kFault);
+  for (const auto& c : rig.robot.commands) EXPECT_EQ(c.tau, 0.0);
+  for (const auto command : {OperatorCommand::kArm, OperatorCommand::kStart}) {
+    rig.controller.request(command);
+    rig.tick();
+    EXPECT_EQ(rig.controller.supervision().mode, Mode::kFault);
+  }
+  for (auto& plant : rig.robot.plants) plant.load = 0.0;
+  rig.controller.request(OperatorCommand::kAck);
+  rig.run(2);
+  EXPECT_EQ(rig.controller.supervision().mode, Mode::kDisabled);
+  rig.controller.request(OperatorCommand::kArm);
+  rig.run(300);
+  EXPECT_EQ(rig.status, TickStatus::kIdle);
+  for (const auto& s : rig.robot.states) EXPECT_NEAR(s.dq, 0.0, 1e-3);
+}
+
+TEST(Controller, GoesLimpWhereThatIsThePolicy) {
+  Rig rig = executing([](auto& c) { c.failure_policy = FailurePolicy::kLimp; });
+  rig.robot.states[2].flags = kJointFault;
+  rig.tick();
+  EXPECT_EQ(rig.controller.supervision().mode, Mode::kLimp);
+  EXPECT_EQ(rig.controller.fault(), FaultCode::kDriveFault);
+  for (const auto& c : rig.robot.commands) {
+    EXPECT_EQ(c.tau, 0.0);
+    EXPECT_EQ(c.kp + c.kd, 0.0);
+  }
+}
+
+TEST(Controller, WatchesEveryInputOfTheSupervisor) {
+  const auto fault = [](const auto& config, const auto& disturb, int ticks = 300) {
+    Rig rig = executing(config);
+    for (int i = 0; i < ticks && rig.status != TickStatus::kFault; ++i) {
+      disturb(rig);
+      rig.tick();
+    }
+    return std::pair(rig.controller.fault(), rig.controller.fault_joint());
+  };
+  const auto none = [](auto&) {};
+  EXPECT_EQ(fault(none, [](Rig&) {}), std::pair(FaultCode::kNone, 0u));
+  EXPECT_EQ(fault([](auto& c) { c.saturation_time = 0.1; },
+                  [](Rig& r) { r.robot.states[1].flags |= kJointSaturated; }),
+            std::pair(FaultCode::kSaturation, 1u));
+  EXPECT_EQ(
+      fault([](auto& c) { c.overspeed_factor = 0.5; }, [](Rig& r) { r.robot.states[2].dq = 2.5; }),
+      std::pair(FaultCode::kOverspeed, 2u));
+  EXPECT_EQ(fault([](auto& c) { c.jump_limit = 9.0, c.tracking_error_limit = 9.0; },
+                  [](Rig& r) { r.robot.states[3].q = 2.2; }),
+            std::pair(FaultCode::kJointLimit, 3u));
+  EXPECT_EQ(fault(none, [](Rig& r) { r.robot.states[3].temperature = 111.0; }),
+            std::pair(FaultCode::kTemperature, 3u));
+  EXPECT_EQ(fault(none, [](Rig& r) { r.controller.set_bus_health({.down = true}); }),
+            std::pair(FaultCode::kBusDown, 0u));
+  EXPECT_EQ(fault(none, [](Rig& r) { r.controller.set_bus_health({.skipped_ticks = 101}); }),
+            std::pair(FaultCode::kWatchdog, 0u));
+  EXPECT_EQ(fault(none, [](Rig& r) { r.controller.set_bus_health({.skipped_ticks = 100}); }),
+            std::pair(FaultCode::kNone, 0u));
+}
+
+TEST(Controller, CommandsWaitInBootUntilEveryJointIsHeardUnlessOneTakesThemBack) {
+  for (const bool stopped : {false, true}) {
+    Rig rig;
+    ASSERT_EQ(rig.load().status, LoadStatus::kOk);
+    rig.robot.states[0].flags = kJointStale;
+    rig.tick();
+    EXPECT_EQ(rig.status, TickStatus::kWaiting);
+    for (const auto& c : rig.robot.commands) EXPECT_EQ(c.tau, 0.0);
+    if (stopped) rig.controller.request(OperatorCommand::kStop);
+    rig.tick();
+    rig.robot.states[0].flags = 0;
+    rig.tick();
+    EXPECT_EQ(rig.status, stopped ? TickStatus::kIdle : TickStatus::kMovingToStart);
+  }
+}
+
 TEST(Controller, RefusesWhatItCannotExecute) {
   const auto status = [](const auto& change) {
     Rig rig;

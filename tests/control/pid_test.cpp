@@ -107,5 +107,114 @@ TEST(Pid, TakesOverFromTheAppliedTorqueWithoutAStep) {
   EXPECT_NEAR(pid.output(), 2.0, 1e-6);
 }
 
+// ---- against a pendulum: reflected inertia, Coulomb and viscous friction, gravity
+
+struct Pendulum {
+  double inertia = 0.139;  ///< kg m^2
+  double damping = 1.5;    ///< N m s/rad
+  double friction = 0.8;   ///< N m, Coulomb
+  double gravity = 15.0;   ///< N m at q = pi / 2
+  double push = 0.0;       ///< N m, a disturbance
+  double q = 0.0;
+  double dq = 0.0;
+
+  /// Semi-implicit; friction may stop the joint in a step but not turn it.
+  void step(double tau, double dt) {
+    const double drive = tau + push - gravity * std::sin(q);
+    double next = (dq + dt * drive / inertia) / (1.0 + dt * damping / inertia);
+    const double brake = dt * friction / inertia;
+    next = std::abs(next) <= brake ? 0.0 : next - std::copysign(brake, next);
+    dq = next;
+    q += dt * dq;
+  }
+};
+
+double run(JointPid& pid, Pendulum& plant, double q_ref, double tau_ff, int ticks) {
+  double farthest = 0.0;
+  for (int i = 0; i < ticks; ++i) {
+    plant.step(pid.update(q_ref, plant.q, plant.dq, tau_ff), kDt);
+    farthest = std::max(farthest, std::abs(q_ref - plant.q));
+  }
+  return farthest;
+}
+
+TEST(PidOnAPendulum, StepAgainstGravityAndFrictionSettles) {
+  JointPid pid = make_pid({.kp = 600.0, .ki = 1500.0, .kd = 6.0});
+  pid.activate(0.0, 0.0);
+  Pendulum plant;
+  run(pid, plant, 0.0, 0.0, 10);
+  run(pid, plant, 0.03, 0.0, 4000);
+  EXPECT_NEAR(plant.q, 0.03, 1e-3);
+  EXPECT_NEAR(plant.dq, 0.0, 1e-3);
+}
+
+TEST(PidOnAPendulum, FeedForwardOfGravityTakesTheErrorThatThePidAloneLeaves) {
+  const double q = 0.8;
+  const double weight = 15.0 * std::sin(q);
+  const auto error = [&](double tau_ff) {
+    JointPid pid = make_pid({.kp = 600.0, .ki = 0.0, .kd = 6.0});
+    Pendulum plant{.friction = 0.0, .q = q};
+    pid.activate(0.0, weight);
+    run(pid, plant, q, tau_ff, 3000);
+    return q - plant.q;
+  };
+  EXPECT_NEAR(error(weight), 0.0, 1e-9);
+  EXPECT_GT(error(0.0), 0.9 * weight / 600.0);
+}
+
+TEST(PidOnAPendulum, APushIsCaughtAndForgotten) {
+  JointPid pid = make_pid({.kp = 600.0, .ki = 1500.0, .kd = 6.0});
+  Pendulum plant{.q = 0.5};
+  const double weight = 15.0 * std::sin(0.5);
+  pid.activate(0.0, weight);
+  run(pid, plant, 0.5, weight, 1000);
+  plant.push = 8.0;
+  EXPECT_LT(run(pid, plant, 0.5, weight, 300), 8.0 / 600.0 * 1.6);
+  plant.push = 0.0;
+  run(pid, plant, 0.5, weight, 3000);
+  EXPECT_NEAR(plant.q, 0.5, 1.5e-3);
+}
+
+TEST(PidOnAPendulum, LeavesSaturationWithoutWindUp) {
+  // Pushed beyond the drive's torque for a second, then let go: the integral has not grown, so the
+  // joint returns without swinging past by more than its damping explains.
+  JointPid pid = make_pid({.kp = 600.0, .ki = 1500.0, .kd = 8.0});
+  Pendulum plant{.friction = 0.0};
+  pid.activate(0.0, 0.0);
+  plant.push = -36.0;
+  run(pid, plant, 0.0, 0.0, 1000);
+  ASSERT_LT(plant.q, -0.1);
+  EXPECT_EQ(pid.output(), 30.0);
+  const double away = std::abs(plant.q);
+  plant.push = 0.0;
+  double past = 0.0;
+  for (int i = 0; i < 2000; ++i) {
+    plant.step(pid.update(0.0, plant.q, plant.dq, 0.0), kDt);
+    past = std::max(past, plant.q);
+  }
+  EXPECT_LT(past, 0.35 * away);
+  EXPECT_NEAR(plant.q, 0.0, 2e-3);
+}
+
+TEST(PidOnAPendulum, ActivationAndGainChangesUnderLoadDoNotJerk) {
+  Pendulum plant{.friction = 0.0, .q = 0.7};
+  const double weight = 15.0 * std::sin(0.7);
+  JointPid pid = make_pid({.kp = 600.0, .ki = 0.0, .kd = 6.0});
+  // Somebody else carried it until now.
+  pid.activate(0.0, weight);
+  double last = weight;
+  double fastest = 0.0;
+  for (int i = 0; i < 6000; ++i) {
+    if (i == 2000) pid.set_gains({.kp = 250.0, .ki = 200.0, .kd = 4.0});
+    if (i == 4000) pid.set_gains({.kp = 900.0, .ki = 0.0, .kd = 8.0});
+    const double tau = pid.update(0.7, plant.q, plant.dq, 0.0);
+    ASSERT_LE(std::abs(tau - last), 0.6) << i;
+    last = tau;
+    plant.step(tau, kDt);
+    fastest = std::max(fastest, std::abs(plant.dq));
+  }
+  EXPECT_LT(fastest, 0.35);
+}
+
 }  // namespace
 }  // namespace clamber

@@ -239,7 +239,8 @@ FaultOutcome disturb(Rig& rig, RobotState state, const Mischief& mischief) {
     if (drives_of(rig) != "on" && dropped == 0) dropped = i;
   }
   if (waited > 0) outcome.host = "waits";
-  if (held > 0) outcome.host = "holds";
+  if (held > 0)
+    outcome.host = rig.controller.supervision().mode == Mode::kLowering ? "lowers" : "holds";
   outcome.ticks = held > 0 ? held : (waited > 0 ? waited : dropped);
   if (held > 0) outcome.detail = to_string(rig.controller.fault());
   if (rig.controller.fault() == FaultCode::kDriveFault) outcome.detail = first_link_fault(rig);

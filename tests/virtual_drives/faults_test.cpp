@@ -117,7 +117,8 @@ or its first drive, stays for 300 ticks of 1 ms, and everything is watched as lo
 - **State**: *disabled* (robot hung up; then it is switched on), *ready* (on, before the plan moves),
   *executing* (in the middle of a motion, 0.2 rad/s), *holding* (at the plan's end).
 - **Host**: *goes on*; *waits* (the plan stands in some ticks, then goes on); *holds* (fault: every
-  joint is held where it is, the plan will not go on; the reason in brackets); *enables*, *refuses*.
+  joint is held where it is, the plan will not go on; the reason in brackets); *lowers* (fault: the
+  joints sink, damped, see [supervisor](supervisor.md)); *enables*, *refuses*.
 - **Drives** at the end: *on*, *off* (switched off by the host), *let go* (limp by their own
   decision), *stop* (quick stop of their own, then holding).
 - **Ticks** until the reaction and **mrad** that the farthest joint got from its reference: measured /
