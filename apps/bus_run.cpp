@@ -89,12 +89,16 @@ BusRun run_on_buses(const RobotModel& model, const BusMap& map, const std::vecto
   if (!options.log.empty())
     log.emplace(options.log, make_run_log_header(model, options.plan_sha256, options.control.dt),
                 log_capacity(controller, !options.lock_step));
+  const std::unique_ptr<InputLogWriter> inputs =
+      log_inputs(options.inputs, model, options.control, image, options.plan_sha256,
+                 log_capacity(controller, !options.lock_step));
   std::optional<RunTelemetry> telemetry;
   if (options.dds) telemetry.emplace(model);
 
   const StopGuard guard;
   ExecutorOptions execution{.realtime = !options.lock_step, .stop = guard.flag()};
   execution.log = log ? &*log : nullptr;
+  execution.inputs = inputs.get();
   if (telemetry) execution.sinks.push_back(&telemetry->ring());
   if (telemetry && options.lock_step)
     execution.observe = [&](TelemetryFrame&) { telemetry->wait_for_room(); };

@@ -19,6 +19,7 @@ struct BusRunOptions {
   ControllerConfig control;
   std::string log;          ///< file; empty: no log
   std::string plan_sha256;  ///< of what is executed, for the log
+  std::string inputs;       ///< file for what `clamber replay` needs; empty: none
   bool lock_step = false;   ///< ticks end when the (simulated) drives say so; else by the clock
   std::string frame_log;    ///< every frame in candump's format, in lock step; empty: none
   bool dds = false;

@@ -84,6 +84,8 @@ void add_run_command(CLI::App& app) {
                     "motor buses: ticks end when the drives of `clamber drives` say so");
   command->add_flag("--rehearse", options->execution.rehearse,
                     "motor buses: simulated, with virtual drives and robot, in this process");
+  command->add_option("--inputs", options->execution.inputs,
+                      "log of what the controller is given, for `clamber replay`");
   command->add_option("--frame-log", options->execution.frame_log,
                       "motor buses in lock step or rehearsed: every frame, in candump's format");
   add_execution_options(*command, options->execution);

@@ -102,6 +102,7 @@ class Loop {
     while (report_.bus != BusStatus::kDown && tick() == Next::kContinue) {
       report_.bus = bus_.exchange(commands_, states_, 0);
       if (options_.log != nullptr && options_.log->wants_flush()) options_.log->flush();
+      if (options_.inputs != nullptr && options_.inputs->wants_flush()) options_.inputs->flush();
     }
     disable();
   }
@@ -140,7 +141,9 @@ class Loop {
     controller_.set_bus_health(
         {.skipped_ticks = static_cast<std::uint32_t>(report_.skipped - skipped_)});
     skipped_ = report_.skipped;
+    if (options_.inputs != nullptr) options_.inputs->before(controller_, states_);
     report_.status = controller_.tick(states_, commands_, frame_);
+    if (options_.inputs != nullptr) options_.inputs->after(commands_);
     if (!guard_exchange_) guards_.leave();
     if (options_.observe) options_.observe(frame_);
     hand_over();
@@ -199,6 +202,10 @@ ExecutorReport execute(Controller& controller, MotorBus& bus, const ExecutorOpti
   if (options.log != nullptr) {
     options.log->close();
     report.log_dropped = options.log->dropped();
+  }
+  if (options.inputs != nullptr) {
+    options.inputs->close();
+    report.log_dropped += options.inputs->dropped();
   }
   return report;
 }

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/input_log.hpp"
 #include "apps/realtime/latency_histogram.hpp"
 #include "apps/realtime/runtime_settings.hpp"
 #include "apps/realtime/tick_guards.hpp"
@@ -30,6 +31,7 @@ struct ExecutorOptions {
   std::function<void(TelemetryFrame&)> observe = {};
   std::vector<FrameSink*> sinks = {};       ///< besides the log
   RunLogWriter* log = nullptr;              ///< size it with log_capacity()
+  InputLogWriter* inputs = nullptr;         ///< what `clamber replay` needs; ditto
   const std::atomic<bool>* stop = nullptr;  ///< set from outside: end after the current tick
 };
 

@@ -61,6 +61,7 @@ int run(int argc, char** argv) {
   clamber::add_sweep_command(app);
   clamber::add_scale_robot_command(app);
   clamber::add_cases_command(app);
+  clamber::add_replay_command(app);
   clamber::add_report_command(app);
   clamber::add_bus_command(app);
   clamber::add_drives_command(app);

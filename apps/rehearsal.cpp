@@ -107,12 +107,16 @@ RehearsalRun rehearse(const RobotModel& model, const Scenario& scenario, const B
   if (!options.log.empty())
     log.emplace(options.log, make_run_log_header(model, options.plan_sha256, options.control.dt),
                 log_capacity(controller, false));
+  const std::unique_ptr<InputLogWriter> inputs =
+      log_inputs(options.inputs, model, options.control, image, options.plan_sha256,
+                 log_capacity(controller, false));
 
   RehearsalWorld world(model, scenario, 1.0 / map.rate);
   RehearsalBus bus(map, world.plant(), frame_log ? &*frame_log : nullptr);
   const StopGuard stop;
   ExecutorOptions execution{.stop = stop.flag()};
   execution.log = log ? &*log : nullptr;
+  execution.inputs = inputs.get();
   execution.observe = [&world](TelemetryFrame&) { world.look(); };
   RehearsalRun run;
   run.execution = execute(controller, bus, execution);

@@ -42,6 +42,7 @@ struct RehearsalOptions {
   ControllerConfig control;
   std::string log;          ///< file; empty: no log
   std::string plan_sha256;  ///< of what is executed, for the log
+  std::string inputs;       ///< file for what `clamber replay` needs; empty: none
   std::string frame_log;    ///< every frame in candump's format; empty: none
 };
 

@@ -42,6 +42,21 @@ LoadedController::LoadedController(const RobotModel& model, const ControllerConf
     throw InputError("the controller refuses the plan: " + describe(loaded, model));
 }
 
+std::unique_ptr<InputLogWriter> log_inputs(const std::string& file, const RobotModel& model,
+                                           const ControllerConfig& config,
+                                           std::span<const std::byte> image,
+                                           const std::string& plan_sha256, std::size_t capacity) {
+  if (file.empty()) return nullptr;
+  InputLogHeader header{.robot = model.name,
+                        .robot_hash = model.hash,
+                        .joint_names = {},
+                        .plan_sha256 = plan_sha256,
+                        .config = config,
+                        .image = {image.begin(), image.end()}};
+  for (const Joint& joint : model.joints) header.joint_names.push_back(joint.name);
+  return std::make_unique<InputLogWriter>(file, header, capacity);
+}
+
 StopGuard::StopGuard()
     : interrupt_before_(std::signal(SIGINT, request_stop)),
       terminate_before_(std::signal(SIGTERM, request_stop)) {

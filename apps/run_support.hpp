@@ -5,9 +5,12 @@
 
 #include <atomic>
 #include <cstddef>
+#include <memory>
 #include <span>
+#include <string>
 #include <vector>
 
+#include "apps/input_log.hpp"
 #include "control/controller.hpp"
 #include "robot_model/model.hpp"
 #include "telemetry/publisher.hpp"
@@ -24,6 +27,11 @@ struct LoadedController {
  private:
   std::vector<double> workspace_;
 };
+
+/// A log of the controller's inputs; nothing when `file` is empty. @throws InputError
+[[nodiscard]] std::unique_ptr<InputLogWriter> log_inputs(
+    const std::string& file, const RobotModel& model, const ControllerConfig& config,
+    std::span<const std::byte> image, const std::string& plan_sha256, std::size_t capacity);
 
 /// Turns SIGINT and SIGTERM into a request to stop for as long as it lives. One at a time.
 class StopGuard {

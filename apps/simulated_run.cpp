@@ -75,6 +75,9 @@ SimulatedRun run_in_simulation(const RobotModel& model, const Scenario& scenario
   if (!options.log.empty())
     log.emplace(options.log, make_run_log_header(model, options.plan_sha256, options.control.dt),
                 log_capacity(controller, options.realtime));
+  const std::unique_ptr<InputLogWriter> inputs =
+      log_inputs(options.inputs, model, control, image, options.plan_sha256,
+                 log_capacity(controller, options.realtime));
   std::optional<RunTelemetry> telemetry;
   if (options.dds) telemetry.emplace(model);
 
@@ -84,6 +87,7 @@ SimulatedRun run_in_simulation(const RobotModel& model, const Scenario& scenario
   ExecutorOptions execution{.realtime = options.realtime, .stop = guard.flag()};
   execution.runtime = options.runtime;
   execution.log = log ? &*log : nullptr;
+  execution.inputs = inputs.get();
   if (telemetry) execution.sinks.push_back(&telemetry->ring());
   execution.observe = [&](TelemetryFrame& frame) {
     read_truth(world, frame);

@@ -22,6 +22,7 @@ struct SimulatedRunOptions {
   std::optional<Configuration> start;  ///< nothing: the scenario's start configuration
   std::string log;                     ///< file; empty: no log
   std::string plan_sha256;             ///< of what is executed, for the log
+  std::string inputs;                  ///< file for what `clamber replay` needs; empty: none
   bool realtime = false;
   RuntimeSettings runtime = ordinary_thread();  ///< of a real-time run
   /// Springs of the robot file between motors and links; the controller expects them.

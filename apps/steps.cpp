@@ -119,9 +119,9 @@ PlanningResult plan_or_leave_log(const RobotModel& model, const Scenario& scenar
     return why_not_certified(plan, model, scenario, certified_for);
   };
   try {
-    PlanningResult result =
-        sequence != nullptr ? plan_climb(model, scenario, *sequence, settings, show, check)
-                            : plan_without_recording(model, scenario, settings, show, check);
+    PlanningResult result = sequence != nullptr
+                                ? plan_climb(model, scenario, *sequence, settings, show, check)
+                                : plan_without_recording(model, scenario, settings, show, check);
     result.plan.certified_for = certified_for;
     return result;
   } catch (const PlanningFailed& error) {
@@ -293,7 +293,9 @@ SimulatedRun run_plan(const RobotOptions& robot, const RobotModel& model, const 
   run.dds = options.dds;
   run.springs = options.springs;
   if (options.perturbed) run.perturbation = draw_perturbation({}, model, *options.perturbed);
-  if (!log.empty()) make_folder_of(log);
+  run.inputs = options.inputs;
+  for (const std::string& file : {log, options.inputs})
+    if (!file.empty()) make_folder_of(file);
   return run_in_simulation(model, scenario, prepared.image, run);
 }
 
@@ -311,8 +313,9 @@ BusRun run_plan_on_buses(const RobotOptions& robot, const RobotModel& model,
   run.lock_step = options.lock_step;
   run.runtime = runtime_settings(options, !options.lock_step);
   run.frame_log = options.frame_log;
+  run.inputs = options.inputs;
   run.dds = options.dds;
-  for (const std::string& file : {log, options.frame_log})
+  for (const std::string& file : {log, options.frame_log, options.inputs})
     if (!file.empty()) make_folder_of(file);
   return run_on_buses(model, map, prepared.image, run);
 }
@@ -327,7 +330,8 @@ RehearsalRun rehearse_plan(const RobotOptions& robot, const RobotModel& model,
   run.plan_sha256 = prepared.plan_sha256;
   run.log = log;
   run.frame_log = options.frame_log;
-  for (const std::string& file : {log, options.frame_log})
+  run.inputs = options.inputs;
+  for (const std::string& file : {log, options.frame_log, options.inputs})
     if (!file.empty()) make_folder_of(file);
   return rehearse(model, scenario, map, prepared.image, run);
 }

@@ -66,6 +66,7 @@ struct ExecutionOptions {
   bool uncertified = false;  ///< runs a plan without one: to look at it in the simulation
   bool lock_step = false;    ///< motor buses: see lock_step.hpp
   bool rehearse = false;     ///< motor buses: simulated, with virtual drives, in this process
+  std::string inputs;        ///< file for `clamber replay`; empty: none
   std::string frame_log;     ///< motor buses in lock step or rehearsed: file for every frame
   std::string runtime = "configs/runtime/default.yaml";
   std::string guard;            ///< see parse_guards(); empty: as in `runtime`

@@ -164,6 +164,7 @@ class Controller {
   [[nodiscard]] std::uint32_t requests() const noexcept { return requests_; }
   /// For the next tick; said nothing, the buses are well.
   void set_bus_health(const BusHealth& health) noexcept { health_ = health; }
+  [[nodiscard]] const BusHealth& bus_health() const noexcept { return health_; }
   /// Share (0 to 1) of time_scale to follow at; the change takes up to pause_time and is smooth.
   void set_speed(double share) noexcept;
   [[nodiscard]] double speed() const noexcept { return speed_; }
