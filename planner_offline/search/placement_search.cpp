@@ -30,6 +30,7 @@ struct Attempt {
   double reference_seconds = 0.0;
   double seconds = 0.0;
   double score = -std::numeric_limits<double>::infinity();
+  bool checked = false;  ///< a climb, with a certificate
 };
 
 bool same(const Placing& a, const Placing& b) {
@@ -53,8 +54,11 @@ class PlacementSearch {
   [[nodiscard]] double steadiness(const std::vector<Stretch>& stretches) const;
   [[nodiscard]] double score(const SearchResult& result) const;
   [[nodiscard]] bool try_all(const std::vector<Placing>& placings);
-  [[nodiscard]] bool finished() const;
+  [[nodiscard]] bool enough() const;
+  [[nodiscard]] bool finished();
   void keep(Attempt attempt);
+  void give_up_best(const std::string& why);
+  void check_best();
 
   const RobotModel& model_;
   const Scenario& scenario_;
@@ -68,6 +72,7 @@ class PlacementSearch {
   double last_side_ = 0.0;  // sign of y of the leg that leaves the floor last
   std::vector<Placing> tried_;
   Attempt best_;
+  std::vector<Attempt> lesser_;  // other climbs, should the best one get no certificate
   double reference_seconds_ = 0.0, seconds_ = 0.0;
   ClimbSearch found_;
 };
@@ -169,21 +174,8 @@ Attempt PlacementSearch::attempt(const Placing& placing) const {
   return attempt;
 }
 
-/// Takes stock of an attempt. A climb that would be the best so far is asked for its certificate;
-/// one that gets none counts as a failure after the last move.
+/// Takes stock of an attempt.
 void PlacementSearch::keep(Attempt attempt) {
-  SearchResult& result = attempt.result;
-  if (result.success && attempt.score > best_.score) {
-    const std::string why = check_(result);
-    if (!why.empty()) {
-      result.success = false;
-      result.failure = why;
-      result.rejected.push_back(why);
-      result.furthest = moves_.size();
-      result.shortfall = 0.0;
-      attempt.score = score(result);
-    }
-  }
   ++found_.attempts;
   found_.candidates += attempt.result.candidates_tried;
   found_.backtracks += attempt.result.backtracks;
@@ -193,17 +185,53 @@ void PlacementSearch::keep(Attempt attempt) {
   reference_seconds_ += attempt.reference_seconds;
   seconds_ += attempt.seconds;
   if (attempt.score > best_.score) {
-    best_ = std::move(attempt);
+    std::swap(attempt, best_);
+  }
+  if (attempt.result.success) {
+    lesser_.push_back(std::move(attempt));
   }
 }
 
-bool PlacementSearch::finished() const {
+/// A climb without a certificate counts as a failure after the last move.
+void PlacementSearch::give_up_best(const std::string& why) {
+  SearchResult& result = best_.result;
+  result.success = false;
+  result.failure = why;
+  result.furthest = moves_.size();
+  result.shortfall = 0.0;
+  best_.score = score(result);
+  found_.rejected.push_back(why);
+  const auto next =
+      std::max_element(lesser_.begin(), lesser_.end(),
+                       [](const Attempt& a, const Attempt& b) { return a.score < b.score; });
+  if (next != lesser_.end()) {
+    best_ = std::move(*next);
+    lesser_.erase(next);
+  }
+}
+
+bool PlacementSearch::enough() const {
   const SearchSettings& search = settings_.search;
   if (best_.result.success) {
     const double steadiness = best_.score - static_cast<double>(moves_.size()) - 1.0;
     return steadiness >= search.steady_margin || found_.attempts >= search.steady_attempts;
   }
   return found_.attempts >= search.most_attempts;
+}
+
+/// The climb that would be taken is asked for its certificate, which costs as much as to find one.
+void PlacementSearch::check_best() {
+  if (const std::string why = check_(best_.result); !why.empty()) {
+    return give_up_best(why);
+  }
+  best_.checked = true;
+}
+
+bool PlacementSearch::finished() {
+  while (enough() && best_.result.success && !best_.checked) {
+    check_best();
+  }
+  return enough();
 }
 
 /// Attempts in pairs, each in a thread of its own; the order of the results is that of the list.
@@ -248,6 +276,9 @@ ClimbSearch PlacementSearch::run() {
     if (!try_all(around)) {
       step *= 0.5;
     }
+  }
+  while (best_.result.success && !best_.checked) {
+    check_best();
   }
   found_.best = std::move(best_.result);
   found_.reference_share = seconds_ > 0.0 ? reference_seconds_ / seconds_ : 0.0;
