@@ -95,6 +95,9 @@ BusRun run_on_buses(const RobotModel& model, const BusMap& map, const std::vecto
   std::optional<RunTelemetry> telemetry;
   if (options.dds) telemetry.emplace(model);
 
+  std::optional<RunOperator> operator_desk;
+  if (!options.runtime.operator_socket.socket.empty())
+    operator_desk.emplace(options.runtime.operator_socket, model);
   const StopGuard guard;
   ExecutorOptions execution{.realtime = !options.lock_step, .stop = guard.flag()};
   execution.log = log ? &*log : nullptr;
@@ -103,6 +106,7 @@ BusRun run_on_buses(const RobotModel& model, const BusMap& map, const std::vecto
   if (telemetry && options.lock_step)
     execution.observe = [&](TelemetryFrame&) { telemetry->wait_for_room(); };
   execution.runtime = options.runtime;
+  if (operator_desk) execution.desk = &operator_desk->desk();
   execution.bus_calls = BusCalls::kSockets;
   if (options.lock_step) (void)stay_on_this_processor();
 
@@ -121,6 +125,7 @@ BusRun run_on_buses(const RobotModel& model, const BusMap& map, const std::vecto
     run.frames = frame_log->frames();
     run.frame_log_sha256 = sha256_file(options.frame_log);
   }
+  if (operator_desk) run.operator_summary = operator_desk->summary();
   if (telemetry) run.telemetry = telemetry->finish();
   return run;
 }
@@ -131,7 +136,7 @@ std::string describe(const BusRun& run, const RobotModel& model) {
   const ExecutorReport& execution = run.execution;
   out << "run:         " << to_string(execution.status) << " after " << execution.ticks
       << " ticks in " << execution.wall_time << " s\n";
-  out << describe_timing(execution);
+  out << run.operator_summary << describe_timing(execution);
   out << "peak torque: " << run.peak_torque << " N m (" << run.peak_joint << ")\n";
   out << "states:      " << run.counters.missing_replies << " replies missing, "
       << run.counters.late << " late; oldest state used " << run.oldest_state << " ticks";

@@ -39,6 +39,7 @@ struct BusRun {
   std::string frame_log_sha256;
   std::uint64_t frames = 0;  ///< in the frame log
   std::optional<PublisherCounters> telemetry;
+  std::string operator_summary;  ///< a line; empty: nobody could command
 
   /// The plan was executed to its end. Whether the robot is on top nobody here can see.
   [[nodiscard]] bool success() const;

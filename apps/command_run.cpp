@@ -31,6 +31,8 @@ void save_report(const Options& options, const ExecutorReport& execution, bool s
 
 void run_on_drives(const Options& options, const RobotModel& model, const Scenario& scenario) {
   if (options.execution.rehearse) {
+    if (!options.execution.operator_socket.empty())
+      throw InputError("--operator: a rehearsal has nobody to wait for");
     const RehearsalRun result =
         rehearse_plan(options.robot, model, scenario, options.plan, options.execution, options.out);
     save_report(options, result.execution, result.success(), result.failure());
@@ -80,6 +82,9 @@ void add_run_command(CLI::App& app) {
                       "the plan's certificate (<plan>.cert)");
   command->add_flag("--uncertified", options->execution.uncertified,
                     "run it without a valid certificate, in the simulation");
+  command->add_option("--operator", options->execution.operator_socket,
+                      "socket for `clamber arm|start|pause|resume|stop|disarm|estop|ack|status`: "
+                      "the run waits, drives off, until it is armed and started");
   command->add_flag("--lock-step", options->execution.lock_step,
                     "motor buses: ticks end when the drives of `clamber drives` say so");
   command->add_flag("--rehearse", options->execution.rehearse,

@@ -6,12 +6,14 @@
 #include <cerrno>
 #include <cmath>
 
+#include "apps/operator_seat.hpp"
 #include "apps/realtime/control_thread.hpp"
 
 namespace clamber {
 namespace {
 
 constexpr std::int64_t kNanoseconds = 1'000'000'000;
+constexpr std::int64_t kLookForOperator = 1'000'000;  // ns, while the drives are off
 
 std::int64_t now_ns() noexcept {
   timespec t{};
@@ -72,19 +74,17 @@ class Loop {
         bus_(bus),
         options_(options),
         report_(report),
+        seat_(options.desk, controller),
         grid_(controller.config().dt),
         guards_(options.runtime.guards, ticks_in(options.runtime.warm_up, controller.config().dt)),
         guard_exchange_(options.bus_calls != BusCalls::kSimulation),
         fault_ticks_(ticks_in(options.fault_time, controller.config().dt)),
         states_(static_cast<std::size_t>(bus.joint_count())),
-        commands_(states_.size()) {
-    // Nobody operates this run: who started it wants it executed.
-    controller_.request(OperatorCommand::kArm);
-    controller_.request(OperatorCommand::kStart);
-  }
+        commands_(states_.size()) {}
 
   void run_paced() {
     guards_.install(options_.bus_calls);
+    if (!wait_for_operator()) return;
     enable();
     grid_.begin();
     if (report_.bus != BusStatus::kDown)
@@ -96,6 +96,7 @@ class Loop {
   }
 
   void run_free() {
+    if (!wait_for_operator()) return;
     enable();
     // The first states are asked for with commands that ask nothing of the drives.
     if (report_.bus != BusStatus::kDown) report_.bus = bus_.exchange(commands_, states_, 0);
@@ -110,9 +111,24 @@ class Loop {
  private:
   enum class Next : std::uint8_t { kContinue, kStop };
 
+  [[nodiscard]] bool stop_asked() const noexcept {
+    return options_.stop != nullptr && options_.stop->load(std::memory_order_relaxed);
+  }
+
+  /// The drives stay off until the operator has armed. False: the run is to end.
+  bool wait_for_operator() noexcept {
+    while (!seat_.armed()) {
+      report_.stopped = stop_asked();
+      if (report_.stopped) return false;
+      sleep_until(now_ns() + kLookForOperator);
+    }
+    return true;
+  }
+
   void enable() {
     start_ = now_ns();
     report_.bus = bus_.enable();
+    seat_.begin();
   }
 
   void disable() noexcept {
@@ -138,26 +154,45 @@ class Loop {
   }
 
   Next tick() noexcept {
+    seat_.before_tick();
     controller_.set_bus_health(
         {.skipped_ticks = static_cast<std::uint32_t>(report_.skipped - skipped_)});
     skipped_ = report_.skipped;
     if (options_.inputs != nullptr) options_.inputs->before(controller_, states_);
     report_.status = controller_.tick(states_, commands_, frame_);
     if (options_.inputs != nullptr) options_.inputs->after(commands_);
+    tell_operator();
     if (!guard_exchange_) guards_.leave();
     if (options_.observe) options_.observe(frame_);
     hand_over();
     ++report_.ticks;
-    report_.stopped = options_.stop != nullptr && options_.stop->load(std::memory_order_relaxed);
+    report_.stopped = stop_asked();
+    return report_.stopped || report_.status == TickStatus::kFinished || given_up()
+               ? Next::kStop
+               : Next::kContinue;
+  }
+
+  void tell_operator() noexcept {
+    if (!seat_.attended()) return;
+    OperatorStatus& status = seat_.status();
+    status.overruns = report_.overruns;
+    status.skipped = report_.skipped;
+    status.worst_wakeup = 1e-9 * static_cast<double>(report_.timing.wakeup.max());
+    status.missing_replies = bus_.counters().missing_replies;
+    seat_.after_tick(frame_);
+  }
+
+  /// A fault ends a run that nobody attends, some time after the robot has sunk.
+  bool given_up() noexcept {
     const bool sinks = controller_.supervision().mode == Mode::kLowering;
     faulted_ += report_.status == TickStatus::kFault && !sinks ? 1 : 0;
-    const bool over =
-        report_.stopped || report_.status == TickStatus::kFinished || faulted_ > fault_ticks_;
-    return over ? Next::kStop : Next::kContinue;
+    return !seat_.attended() && faulted_ > fault_ticks_;
   }
 
   void hand_over() noexcept {
-    if (options_.log != nullptr) options_.log->push(frame_);
+    // While it waits for the operator nothing moves, and the log's room is for what does.
+    const bool idle = report_.status == TickStatus::kIdle;
+    if (options_.log != nullptr && !idle) options_.log->push(frame_);
     for (FrameSink* sink : options_.sinks) sink->push(frame_);
   }
 
@@ -165,11 +200,12 @@ class Loop {
   MotorBus& bus_;
   const ExecutorOptions& options_;
   ExecutorReport& report_;
+  OperatorSeat seat_;
   Grid grid_;
   TickGuards guards_;
   bool guard_exchange_;
   std::uint64_t fault_ticks_;
-  std::uint64_t faulted_ = 0;  ///< ticks, those in which it still sinks not among them
+  std::uint64_t faulted_ = 0;
   std::uint64_t skipped_ = 0;  ///< grid points, up to the last tick
   std::vector<JointState> states_;
   std::vector<JointCommand> commands_;

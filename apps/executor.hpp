@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "apps/input_log.hpp"
+#include "apps/operator_desk.hpp"
 #include "apps/realtime/latency_histogram.hpp"
 #include "apps/realtime/runtime_settings.hpp"
 #include "apps/realtime/tick_guards.hpp"
@@ -33,6 +34,9 @@ struct ExecutorOptions {
   RunLogWriter* log = nullptr;              ///< size it with log_capacity()
   InputLogWriter* inputs = nullptr;         ///< what `clamber replay` needs; ditto
   const std::atomic<bool>* stop = nullptr;  ///< set from outside: end after the current tick
+  /// The operator's. Drives stay off until he has armed, and a fault does not end the run. Without:
+  /// armed and started at once.
+  OperatorDesk* desk = nullptr;
 };
 
 /// Of a run paced by the clock.

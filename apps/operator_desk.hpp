@@ -28,7 +28,7 @@ struct OperatorAnswer {
 struct OperatorStatus {
   const char* state = "boot";
   const char* fault = "none";
-  std::uint32_t fault_joint = 0;
+  std::uint32_t fault_joint = 0;  ///< beyond the robot's: the fault is none of a joint
   std::uint32_t worst_joint = 0;
   double worst_error = 0.0;  ///< rad, largest |reference - measured| of the run so far
   std::uint64_t ticks = 0;

@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <csignal>
+#include <iostream>
 #include <thread>
 
 #include "apps/controller_config.hpp"
@@ -21,12 +22,16 @@ TelemetryConfig config_of(const RobotModel& model) {
   return with_environment(config);
 }
 
+std::vector<std::string> joint_names(const RobotModel& model) {
+  std::vector<std::string> names;
+  for (const Joint& joint : model.joints) names.push_back(joint.name);
+  return names;
+}
+
 TelemetryDescription description_of(const RobotModel& model) {
   TelemetryDescription description;
-  for (const Joint& joint : model.joints) {
-    description.joint_names.push_back(joint.name);
-    description.torque_limits.push_back(joint.torque_limit);
-  }
+  description.joint_names = joint_names(model);
+  for (const Joint& joint : model.joints) description.torque_limits.push_back(joint.torque_limit);
   for (const ContactLink& contact : model.contacts)
     description.contact_names.push_back(contact.name);
   return description;
@@ -69,6 +74,19 @@ StopGuard::~StopGuard() {
 }
 
 const std::atomic<bool>* StopGuard::flag() const noexcept { return &stop_requested; }
+
+RunOperator::RunOperator(const OperatorSettings& settings, const RobotModel& model)
+    : server_(settings, desk_, joint_names(model)) {
+  std::cout << "operator:    waiting for `clamber arm` at " << settings.socket << '\n'
+            << std::flush;
+}
+
+std::string RunOperator::summary() const {
+  const OperatorCounters counters = server_.counters();
+  return "operator:    " + std::to_string(counters.commands) + " commands from " +
+         std::to_string(counters.clients) + " clients, " + std::to_string(counters.bad) +
+         " lines not understood, " + std::to_string(counters.dropped) + " clients dropped\n";
+}
 
 RunTelemetry::RunTelemetry(const RobotModel& model)
     : publisher_(config_of(model), description_of(model), ring_) {}

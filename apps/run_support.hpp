@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "apps/input_log.hpp"
+#include "apps/operator_server.hpp"
 #include "control/controller.hpp"
 #include "robot_model/model.hpp"
 #include "telemetry/publisher.hpp"
@@ -45,6 +46,21 @@ class StopGuard {
  private:
   void (*interrupt_before_)(int);
   void (*terminate_before_)(int);
+};
+
+/// Desk and server of a run that an operator commands. Construct it before the control thread.
+class RunOperator {
+ public:
+  /// @throws InputError when the socket cannot be served
+  RunOperator(const OperatorSettings& settings, const RobotModel& model);
+
+  [[nodiscard]] OperatorDesk& desk() { return desk_; }
+  /// "operator:    2 commands from 3 clients, ..."
+  [[nodiscard]] std::string summary() const;
+
+ private:
+  OperatorDesk desk_;
+  OperatorServer server_;
 };
 
 /// Ring and publisher; constructed before the run, finished after it.

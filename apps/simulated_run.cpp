@@ -83,9 +83,13 @@ SimulatedRun run_in_simulation(const RobotModel& model, const Scenario& scenario
 
   SimulatedRun run;
   run.feed_forward = options.control.feed_forward == FeedForward::kPlan;
+  std::optional<RunOperator> operator_desk;
+  if (!options.runtime.operator_socket.socket.empty())
+    operator_desk.emplace(options.runtime.operator_socket, model);
   const StopGuard guard;
   ExecutorOptions execution{.realtime = options.realtime, .stop = guard.flag()};
   execution.runtime = options.runtime;
+  if (operator_desk) execution.desk = &operator_desk->desk();
   execution.log = log ? &*log : nullptr;
   execution.inputs = inputs.get();
   if (telemetry) execution.sinks.push_back(&telemetry->ring());
@@ -98,6 +102,7 @@ SimulatedRun run_in_simulation(const RobotModel& model, const Scenario& scenario
     if (telemetry && !options.realtime) telemetry->wait_for_room();
   };
   run.execution = execute(controller, bus, execution);
+  if (operator_desk) run.operator_summary = operator_desk->summary();
   if (telemetry) run.telemetry = telemetry->finish();
   run.verdict = judge.verdict();
   return run;
@@ -109,7 +114,7 @@ std::string describe(const SimulatedRun& run, const RobotModel& model) {
   const ExecutorReport& execution = run.execution;
   out << "run:         " << to_string(execution.status) << " after " << execution.ticks
       << " ticks, " << run.real_time_factor() << " times real time\n";
-  out << describe_timing(execution);
+  out << run.operator_summary << describe_timing(execution);
   out << "peak torque: " << run.peak_torque << " N m (" << run.peak_joint << ")\n";
   out << "on top:      " << joined(run.verdict.final_contacts) << ", "
       << 100.0 * run.verdict.weight_on_obstacle << " % of the weight\n";

@@ -44,6 +44,7 @@ struct SimulatedRun {
   std::string peak_joint;
   bool feed_forward = false;
   std::optional<PublisherCounters> telemetry;
+  std::string operator_summary;  ///< a line; empty: nobody could command
 
   /// The plan was executed to its end and the judge saw the robot on top.
   [[nodiscard]] bool success() const;

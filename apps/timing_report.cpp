@@ -60,6 +60,9 @@ std::string describe_timing(const ExecutorReport& report) {
          std::to_string(report.skipped) + " grid points lost\n";
   out += "timing (us):       p50       p99     p99.9       max\n" + row("wake-up", timing.wakeup) +
          row("tick", timing.tick) + row("exchange", timing.exchange);
+  if (report.log_dropped > 0)
+    out +=
+        "note: the log had no room for the last " + std::to_string(report.log_dropped) + " ticks\n";
   return out + describe(report.guards);
 }
 

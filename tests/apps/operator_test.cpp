@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <grp.h>
 #include <gtest/gtest.h>
+#include <signal.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
@@ -19,10 +20,13 @@
 #include <random>
 #include <thread>
 
+#include "apps/executor.hpp"
 #include "apps/job_failed.hpp"
 #include "apps/operator_server.hpp"
 #include "apps/operator_socket.hpp"
 #include "robot_model/loader.hpp"
+#include "robot_model/read_file.hpp"
+#include "tests/apps/still_bus.hpp"
 
 namespace clamber {
 namespace {
@@ -269,6 +273,146 @@ TEST_F(OperatorSocket, TheClientSaysWhatIsWrong) {
   const Descriptor mute = listen_for_operator(settings_);
   EXPECT_THAT(error(), HasSubstr("job: "));
   EXPECT_THAT(error(), HasSubstr("no answer in time"));
+}
+
+// ---- the run behind the socket
+
+class OperatedRun : public OperatorSocket {
+ protected:
+  /// The operator's answers and the state after each.
+  std::string say(const std::string& line) { return ask(line, 20.0); }
+  std::string state() {
+    return nlohmann::json::parse(ask("status", 20.0).substr(7)).at("state").get<std::string>();
+  }
+  void start_run() {
+    options_.realtime = true;
+    options_.desk = &desk_;
+    options_.stop = &end_;
+    serve();
+    run_ = std::thread([this] {
+      report_ = execute(plan_.controller, bus_, options_);
+      ended_ = true;
+    });
+    for (int i = 0; i < 5000 && state() != "disabled"; ++i)
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  void end_run() {
+    end_ = true;
+    if (run_.joinable()) run_.join();
+  }
+  void TearDown() override {
+    end_run();
+    OperatorSocket::TearDown();
+  }
+  test::ShortPlan plan_;
+  test::StillBus bus_{3};
+  ExecutorOptions options_;
+  ExecutorReport report_;
+  std::atomic<bool> end_{false}, ended_{false};
+  std::thread run_;
+};
+
+TEST_F(OperatedRun, WaitsForTheOperatorAndObeysHim) {
+  start_run();
+  EXPECT_EQ(state(), "disabled");
+  EXPECT_EQ(say("start"), "refused not while disabled");
+  EXPECT_EQ(say("ack"), "refused there is no fault");
+  EXPECT_EQ(bus_.enabled, 0);
+  EXPECT_EQ(say("arm"), "done");
+  EXPECT_EQ(bus_.enabled, 1);
+  EXPECT_EQ(state(), "ready");
+  EXPECT_EQ(say("arm"), "refused not while ready");
+  EXPECT_EQ(say("pause"), "refused not while ready");
+  EXPECT_EQ(say("start"), "done");
+  EXPECT_EQ(say("pause"), "done");
+  EXPECT_EQ(state(), "paused");
+  EXPECT_EQ(say("resume"), "done");
+  EXPECT_EQ(say("estop"), "done");
+  EXPECT_THAT(say("start"), HasSubstr("refused fault, to be acknowledged first: emergency stop"));
+  EXPECT_EQ(say("ack"), "done");
+  EXPECT_EQ(say("disarm"), "done");
+  EXPECT_EQ(state(), "disabled");
+  end_run();
+  EXPECT_TRUE(report_.stopped);
+}
+
+TEST_F(OperatedRun, AnEmergencyStopBeforeArmingIsKept) {
+  start_run();
+  EXPECT_EQ(say("estop"), "done");
+  EXPECT_EQ(state(), "fault");
+  EXPECT_THAT(say("arm"), HasSubstr("refused fault, to be acknowledged first"));
+  EXPECT_EQ(bus_.enabled, 0);
+  EXPECT_EQ(say("ack"), "done");
+  EXPECT_EQ(say("arm"), "done");
+}
+
+TEST_F(OperatedRun, ExecutesThePlanToItsEnd) {
+  start_run();
+  EXPECT_EQ(say("arm"), "done");
+  EXPECT_EQ(say("start"), "done");
+  for (int i = 0; i < 30'000 && !ended_; ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  end_run();
+  EXPECT_EQ(report_.status, TickStatus::kFinished);
+  EXPECT_FALSE(report_.stopped);
+}
+
+/// Connections, garbage, half lines, endless lines, questions, until killed.
+[[noreturn]] void be_hostile(const std::string& path) {
+  std::mt19937 random(3);
+  for (int i = 0;; ++i) {
+    const int fd = connect_raw(path);
+    if (fd < 0) continue;
+    switch (i % 4) {
+      case 0:
+        break;  // half open
+      case 1:
+        say_raw(fd, std::string(random() % 70'000, static_cast<char>(random())));
+        break;
+      case 2:
+        say_raw(fd, "status\n");
+        break;
+      default:
+        say_raw(fd, "est");
+    }
+    if (i % 4 != 0 || i > 500) close(fd);
+  }
+}
+
+TEST_F(OperatedRun, AHostileClientDoesNotChangeACommand) {
+  std::string logs[2];
+  for (const bool attacked : {false, true}) {
+    test::ShortPlan plan;
+    test::StillBus bus(3);
+    OperatorDesk desk;
+    const OperatorServer server(settings_, desk, {"A", "B", "C"});
+    // Taken one a tick: the same ticks in both runs.
+    (void)desk.requests.put({.id = 1, .command = OperatorCommand::kArm});
+    (void)desk.requests.put({.id = 2, .command = OperatorCommand::kStart});
+    pid_t hostile = -1;
+    if (attacked && (hostile = fork()) == 0) be_hostile(settings_.socket);
+    const fs::path file = folder_ / "run.log";
+    RunLogHeader header;
+    header.dt = 1e-3;
+    RunLogWriter log(file, header, log_capacity(plan.controller, true));
+    ExecutorOptions options;
+    options.realtime = true;
+    options.runtime.guards = parse_guards("faults");
+    options.bus_calls = BusCalls::kNone;
+    options.desk = &desk;
+    options.log = &log;
+    const ExecutorReport report = execute(plan.controller, bus, options);
+    EXPECT_EQ(report.status, TickStatus::kFinished);
+    EXPECT_EQ(report.log_dropped, 0u);
+    if (attacked) {
+      EXPECT_GT(server.counters().clients, 100u);
+      kill(hostile, SIGKILL);
+      waitpid(hostile, nullptr, 0);
+    }
+    logs[attacked ? 1 : 0] = read_file(file);
+  }
+  EXPECT_GT(logs[0].size(), 1'000'000u);
+  EXPECT_TRUE(logs[0] == logs[1]);
 }
 
 }  // namespace

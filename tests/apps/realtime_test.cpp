@@ -20,7 +20,7 @@
 #include "apps/realtime/snapshot.hpp"
 #include "apps/timing_report.hpp"
 #include "robot_model/loader.hpp"
-#include "tests/control/test_plan.hpp"
+#include "tests/apps/still_bus.hpp"
 
 namespace clamber {
 namespace {
@@ -352,44 +352,16 @@ TEST_F(Guards, PageFaultsAreCountedAfterTheWarmUp) {
 
 // ---- the whole loop under guards
 
-/// A bus that never leaves user space.
-class StillBus : public MotorBus {
- public:
-  explicit StillBus(std::size_t joints) : robot_(joints) {}
-  int joint_count() const noexcept override { return static_cast<int>(robot_.plants.size()); }
-  BusStatus enable() override { return BusStatus::kOk; }
-  BusStatus exchange(std::span<const JointCommand> commands, std::span<JointState> states,
-                     std::int64_t) noexcept override {
-    std::copy(commands.begin(), commands.end(), robot_.commands.begin());
-    robot_.step(1e-3);
-    std::copy(robot_.states.begin(), robot_.states.end(), states.begin());
-    if (misbehave != nullptr && ++exchanges_ == 700) misbehave();
-    return BusStatus::kOk;
-  }
-  void disable() noexcept override {}
-  BusCounters counters() const noexcept override { return {}; }
-  void (*misbehave)() = nullptr;
-
- private:
-  test::PlantRobot robot_;
-  int exchanges_ = 0;
-};
-
 class PacedRun : public Guards {
  protected:
   PacedRun() {
-    image_ = test::make_image(3, test::smooth_keyframes(3, 11));  // 1 s
-    workspace_.resize(Controller::workspace_size(11));
-    EXPECT_EQ(controller_.load(test::make_config(3), test::kRobotHash, image_, workspace_).status,
-              LoadStatus::kOk);
     options_.realtime = true;
     options_.bus_calls = BusCalls::kNone;
     options_.runtime.guards = only("malloc,syscalls,faults");
   }
-  std::vector<std::byte> image_;
-  std::vector<double> workspace_;
-  Controller controller_;
-  StillBus bus_{3};
+  test::ShortPlan plan_;
+  Controller& controller_ = plan_.controller;
+  test::StillBus bus_{3};
   ExecutorOptions options_;
 };
 
