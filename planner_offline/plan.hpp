@@ -36,7 +36,8 @@ struct Phase {
   double start = 0.0;  ///< s
 };
 
-/// One line of what the plan holds for where the world differs from the model, from its certificate.
+/// One line of what the plan holds for where the world differs from the model, from its
+/// certificate.
 struct CertifiedFor {
   std::string what;  ///< e.g. "obstacle height"
   std::string unit;
