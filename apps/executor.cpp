@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
+#include <optional>
 
 #include "apps/operator_seat.hpp"
 #include "apps/realtime/control_thread.hpp"
@@ -165,6 +166,7 @@ class Loop {
     if (!guard_exchange_) guards_.leave();
     if (options_.observe) options_.observe(frame_);
     hand_over();
+    prepare_failure();
     ++report_.ticks;
     report_.stopped = stop_asked();
     return report_.stopped || report_.status == TickStatus::kFinished || given_up()
@@ -189,6 +191,14 @@ class Loop {
     return !seat_.attended() && faulted_ > fault_ticks_;
   }
 
+  /// Tells the drives before the first command of a phase goes out.
+  void prepare_failure() noexcept {
+    const FailurePolicy policy = controller_.lost_host_policy();
+    if (told_ == policy) return;
+    static_cast<void>(bus_.set_failure_policy(policy));
+    told_ = policy;
+  }
+
   void hand_over() noexcept {
     // While it waits for the operator nothing moves, and the log's room is for what does.
     const bool idle = report_.status == TickStatus::kIdle;
@@ -210,6 +220,7 @@ class Loop {
   std::vector<JointState> states_;
   std::vector<JointCommand> commands_;
   TelemetryFrame frame_;
+  std::optional<FailurePolicy> told_;
   std::int64_t start_ = 0;
 };
 

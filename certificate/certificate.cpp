@@ -192,6 +192,8 @@ std::string image_digest(const PlannedMotion& motion, const RobotModel& model) {
     const MotionKnot& knot = motion.knots[k];
     keyframes[k].time = knot.time;
     keyframes[k].phase = static_cast<std::uint32_t>(knot.phase);
+    keyframes[k].failure_policy =
+        static_cast<std::uint32_t>(motion.failure_policies[static_cast<std::size_t>(knot.phase)]);
     std::copy(knot.q.begin(), knot.q.end(), keyframes[k].q.begin());
     std::copy(knot.tau.begin(), knot.tau.end(), keyframes[k].tau.begin());
   }

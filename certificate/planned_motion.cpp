@@ -125,7 +125,7 @@ PlannedMotion::PlannedMotion(std::string_view text, const std::string& file,
   (void)touch_candidates(model);  // sizes
   sha256 = sha256_hex(text);
   if (plan.text("format") != "clamber plan") plan.fail("format: expected \"clamber plan\"");
-  if (plan.at(plan.root(), "version", "") != 2) plan.fail("version: expected 2");
+  if (plan.at(plan.root(), "version", "") != 3) plan.fail("version: expected 3");
   robot_hash = plan.text("robot_hash");
   scenario_hash = plan.text("scenario_hash");
   tool_version = plan.text("tool_version");
@@ -139,6 +139,11 @@ PlannedMotion::PlannedMotion(std::string_view text, const std::string& file,
     const Json& name = plan.at(phase, "name", "phases: ");
     if (!name.is_string()) plan.fail("phases: name: expected a text");
     phases.push_back(name.get<std::string>());
+    const Json& policy = plan.at(phase, "failure_policy", "phases: ");
+    const auto known = policy.is_string() ? failure_policy_named(policy.get<std::string>())
+                                          : std::optional<FailurePolicy>();
+    if (!known) plan.fail("phases: failure_policy: expected hold, lower or limp");
+    failure_policies.push_back(*known);
   }
   for (const Json& node : plan.list(plan.at(plan.root(), "keyframes", ""), "keyframes")) {
     const std::string where = "keyframes[" + std::to_string(knots.size()) + "].";

@@ -15,6 +15,7 @@
 #include <string_view>
 #include <vector>
 
+#include "control/failure_policy.hpp"
 #include "control/spline.hpp"
 #include "robot_model/model.hpp"
 #include "sim_backend/scenario.hpp"
@@ -91,6 +92,7 @@ class PlannedMotion {
   double friction = 0.0;
   double ballast_mass = 0.0;  ///< kg
   std::vector<std::string> phases;
+  std::vector<FailurePolicy> failure_policies;  ///< of the phases
   std::vector<MotionKnot> knots;
   std::vector<MotionSegment> segments;  ///< knots - 1
 

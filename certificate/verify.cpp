@@ -299,6 +299,9 @@ std::string check_image(std::span<const std::byte> image, const PlannedMotion& m
     std::memcpy(&keyframe, image.data() + sizeof header + k * sizeof keyframe, sizeof keyframe);
     const MotionKnot& knot = motion.knots[k];
     if (keyframe.time != knot.time || static_cast<int>(keyframe.phase) != knot.phase ||
+        keyframe.failure_policy !=
+            static_cast<std::uint32_t>(
+                motion.failure_policies[static_cast<std::size_t>(knot.phase)]) ||
         !std::equal(knot.q.begin(), knot.q.end(), keyframe.q.begin()) ||
         !std::equal(knot.tau.begin(), knot.tau.end(), keyframe.tau.begin()) ||
         header.joint_count != joints)

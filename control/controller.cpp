@@ -585,6 +585,12 @@ void Controller::set_feed_forward(FeedForward feed_forward) noexcept {
   for (std::size_t j = 0; j < config_.joint_count; ++j) pid_[j].rebase();
 }
 
+FailurePolicy Controller::lost_host_policy() const noexcept {
+  if (plan_.spline.size() == 0) return FailurePolicy::kHold;
+  const bool at_end = plan_time_ >= plan_.spline.end();
+  return plan_.image.failure_policy(at_end ? plan_.image.size() - 1 : segment_);
+}
+
 std::uint64_t Controller::expected_ticks() const noexcept {
   if (plan_.spline.size() == 0) return 0;
   return ticks_in(config_.start_time, config_.dt) +

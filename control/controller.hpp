@@ -186,6 +186,9 @@ class Controller {
   [[nodiscard]] std::uint32_t fault_joint() const noexcept { return fault_joint_; }
   /// What the robot shall do when it cannot go on, now.
   [[nodiscard]] FailurePolicy failure_policy() const noexcept { return config_.failure_policy; }
+  /// What the drives shall do by themselves, from now on, if no command comes any more: the plan's
+  /// policy for the phase that the robot is in. Without a plan: kHold.
+  [[nodiscard]] FailurePolicy lost_host_policy() const noexcept;
   /// Ticks from first to last if nothing holds the plan up and the start move is the shortest.
   [[nodiscard]] std::uint64_t expected_ticks() const noexcept;
 

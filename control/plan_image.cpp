@@ -42,6 +42,13 @@ PlanImageStatus check_joint(const ImageKeyframe& k, std::size_t j,
   return PlanImageStatus::kOk;
 }
 
+bool policy_fits(std::span<const ImageKeyframe> keyframes, std::size_t i) noexcept {
+  const ImageKeyframe& k = keyframes[i];
+  return k.failure_policy < kFailurePolicies &&
+         (i == 0 || k.phase != keyframes[i - 1].phase ||
+          k.failure_policy == keyframes[i - 1].failure_policy);
+}
+
 PlanImageStatus check_keyframes(const PlanImageHeader& header,
                                 std::span<const ImageKeyframe> keyframes,
                                 const PlanRequirements& robot, PlanImageFault& fault) noexcept {
@@ -51,6 +58,7 @@ PlanImageStatus check_keyframes(const PlanImageHeader& header,
     const bool advances =
         fault.keyframe == 0 ? k.time == 0.0 : k.time > keyframes[fault.keyframe - 1].time;
     if (!advances) return PlanImageStatus::kTimeNotIncreasing;
+    if (!policy_fits(keyframes, fault.keyframe)) return PlanImageStatus::kFailurePolicy;
     for (fault.joint = 0; fault.joint < header.joint_count; ++fault.joint) {
       const PlanImageStatus status = check_joint(k, fault.joint, robot);
       if (status != PlanImageStatus::kOk) return status;
@@ -97,6 +105,8 @@ const char* to_string(PlanImageStatus status) noexcept {
       return "a keyframe lies outside the joint limits";
     case PlanImageStatus::kTorqueLimit:
       return "a feed-forward torque exceeds the joint's limit";
+    case PlanImageStatus::kFailurePolicy:
+      return "no known policy for a lost host, or two in one phase";
   }
   return "unknown";
 }

@@ -14,6 +14,7 @@
 #include <string_view>
 #include <type_traits>
 
+#include "control/failure_policy.hpp"
 #include "robot_model/types.hpp"
 
 namespace clamber {
@@ -21,7 +22,7 @@ namespace clamber {
 static_assert(std::endian::native == std::endian::little, "images are used in place");
 
 inline constexpr std::array<char, 8> kPlanImageMagic = {'C', 'L', 'M', 'B', 'P', 'L', 'A', 'N'};
-inline constexpr std::uint32_t kPlanImageVersion = 2;
+inline constexpr std::uint32_t kPlanImageVersion = 3;
 inline constexpr std::uint32_t kMaxKeyframes = 8192;
 
 struct PlanImageHeader {
@@ -40,7 +41,7 @@ struct PlanImageHeader {
 struct ImageKeyframe {
   double time = 0.0;  ///< s; the first keyframe's is 0
   std::uint32_t phase = 0;
-  std::uint32_t reserved = 0;
+  std::uint32_t failure_policy = 0;      ///< FailurePolicy; one in all of a phase
   std::array<double, kMaxJoints> q{};    ///< rad, the model's joint order; zero beyond the joints
   std::array<double, kMaxJoints> tau{};  ///< N m, feed-forward
 };
@@ -63,6 +64,7 @@ enum class PlanImageStatus : std::uint8_t {
   kTimeNotIncreasing,  ///< or not starting at 0, or not ending at the duration
   kPositionLimit,      ///< a keyframe outside the joint limits
   kTorqueLimit,        ///< a feed-forward torque beyond the joint's torque limit
+  kFailurePolicy,      ///< none that is known, or two in one phase
 };
 
 [[nodiscard]] const char* to_string(PlanImageStatus status) noexcept;
@@ -91,6 +93,12 @@ class PlanImageView {
 
   [[nodiscard]] const PlanImageHeader& header() const noexcept { return *header_; }
   [[nodiscard]] std::span<const ImageKeyframe> keyframes() const noexcept { return keyframes_; }
+
+  /// From keyframe `segment` to the next: of the phase that leads there.
+  [[nodiscard]] FailurePolicy failure_policy(std::size_t segment) const noexcept {
+    return static_cast<FailurePolicy>(
+        keyframes_[segment + 1 < keyframes_.size() ? segment + 1 : segment].failure_policy);
+  }
 
   // The knots of the joint spline (control/spline.hpp).
   [[nodiscard]] std::size_t size() const noexcept { return keyframes_.size(); }

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <span>
 
+#include "control/failure_policy.hpp"
 #include "control/joint_types.hpp"
 
 namespace clamber {
@@ -32,6 +33,10 @@ class MotorBus {
   [[nodiscard]] virtual BusStatus exchange(std::span<const JointCommand> commands,
                                            std::span<JointState> states,
                                            std::int64_t deadline_ns) noexcept = 0;
+  /// What the drives shall do when no exchange comes any more, from the next exchange on. Control
+  /// thread, between two exchanges; until the first call, and where it is refused, drives do what
+  /// they are set to. @return false: drives of this kind cannot be told
+  [[nodiscard]] virtual bool set_failure_policy(FailurePolicy /*policy*/) noexcept { return false; }
   /// Switches the drives off.
   virtual void disable() noexcept = 0;
   [[nodiscard]] virtual BusCounters counters() const noexcept = 0;

@@ -17,7 +17,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr const char* kFormat = "clamber plan";
-constexpr int kFormatVersion = 2;
+constexpr int kFormatVersion = 3;
 
 // ---- writing ----
 
@@ -76,7 +76,9 @@ Json header_json(const Plan& plan) {
   for (const CertifiedFor& c : plan.certified_for) certified_for.push_back(to_json(c));
   Json phases = Json::array();
   for (const Phase& p : plan.phases)
-    phases.push_back({{"name", p.name}, {"start", finite(p.start, "phase start")}});
+    phases.push_back({{"name", p.name},
+                      {"start", finite(p.start, "phase start")},
+                      {"failure_policy", to_string(p.failure_policy)}});
   return {{"format", kFormat},
           {"version", kFormatVersion},
           {"tool_version", plan.tool_version},
@@ -189,6 +191,12 @@ Keyframe read_keyframe(const Node& node, const Plan& plan) {
   return k;
 }
 
+Phase read_phase(const Node& node) {
+  const auto policy = failure_policy_named(node.at("failure_policy").text());
+  if (!policy) node.at("failure_policy").fail("hold, lower or limp");
+  return {node.at("name").text(), node.at("start").number(), *policy};
+}
+
 Plan read_header(const Node& root) {
   if (root.at("format").text() != kFormat)
     root.at("format").fail(std::string("\"") + kFormat + "\"");
@@ -214,8 +222,7 @@ Plan read_header(const Node& root) {
                                   .unit = row.at("unit").text(),
                                   .stated = row.at("stated").number(),
                                   .holds = row.at("holds").number()});
-  for (const Node& phase : root.at("phases").items())
-    plan.phases.push_back({phase.at("name").text(), phase.at("start").number()});
+  for (const Node& phase : root.at("phases").items()) plan.phases.push_back(read_phase(phase));
   return plan;
 }
 

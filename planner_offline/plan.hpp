@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "control/failure_policy.hpp"
 #include "robot_model/model.hpp"
 
 namespace clamber {
@@ -32,8 +33,9 @@ struct Keyframe {
 
 /// A stretch of keyframes with one contact set.
 struct Phase {
-  std::string name;    ///< e.g. "State1", "swing Lknee"
-  double start = 0.0;  ///< s
+  std::string name;                                     ///< e.g. "State1", "swing Lknee"
+  double start = 0.0;                                   ///< s
+  FailurePolicy failure_policy = FailurePolicy::kHold;  ///< when the host falls silent in it
 };
 
 /// One line of what the plan holds for where the world differs from the model, from its

@@ -18,14 +18,19 @@ std::array<char, 64> hash_field(const std::string& hash, const char* what) {
   return field;
 }
 
-ImageKeyframe to_image(const Keyframe& keyframe, std::size_t index, std::size_t joints) {
+ImageKeyframe to_image(const Plan& plan, std::size_t index) {
+  const std::size_t joints = plan.joint_names.size();
+  const Keyframe& keyframe = plan.keyframes[index];
   const auto size = static_cast<Eigen::Index>(joints);
-  if (keyframe.x.q.size() != size || keyframe.tau.size() != size || keyframe.phase < 0)
+  if (keyframe.x.q.size() != size || keyframe.tau.size() != size || keyframe.phase < 0 ||
+      keyframe.phase >= std::ssize(plan.phases))
     throw InputError("plan: keyframes[" + std::to_string(index) + "]: expected " +
-                     std::to_string(joints) + " values in q and tau and a phase >= 0");
+                     std::to_string(joints) + " values in q and tau and one of the phases");
   ImageKeyframe out;
   out.time = keyframe.time;
   out.phase = static_cast<std::uint32_t>(keyframe.phase);
+  out.failure_policy = static_cast<std::uint32_t>(
+      plan.phases[static_cast<std::size_t>(keyframe.phase)].failure_policy);
   std::copy_n(keyframe.x.q.data(), joints, out.q.begin());
   std::copy_n(keyframe.tau.data(), joints, out.tau.begin());
   return out;
@@ -43,8 +48,7 @@ std::vector<std::byte> plan_to_image(const Plan& plan, const std::string& certif
                      ", found " + std::to_string(plan.keyframes.size()));
   std::vector<ImageKeyframe> keyframes;
   keyframes.reserve(plan.keyframes.size());
-  for (const Keyframe& keyframe : plan.keyframes)
-    keyframes.push_back(to_image(keyframe, keyframes.size(), joints));
+  for (std::size_t k = 0; k < plan.keyframes.size(); ++k) keyframes.push_back(to_image(plan, k));
   PlanImageHeader header;
   header.joint_count = static_cast<std::uint32_t>(joints);
   header.robot_hash = hash_field(plan.robot_hash, "robot_hash");

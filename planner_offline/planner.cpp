@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "planner_offline/certify/failure_policy.hpp"
 #include "planner_offline/search/goal_search.hpp"
 #include "planner_offline/search/invented_sequence.hpp"
 #include "planner_offline/search/placement_search.hpp"
@@ -293,8 +294,11 @@ void Planning::complete(const std::vector<Stretch>& climb) {
 }
 
 PlanningResult Planning::finish() {
+  const Stopwatch time;
+  state_failure_policies(model_, scenario_, result_.plan);
   result_.stages.emplace_back("timing and torques", writing_);
   result_.stages.emplace_back("checks of plans found", checking_);
+  result_.stages.emplace_back("failure policies", time.seconds());
   progress_(1.0, "done");
   return std::move(result_);
 }

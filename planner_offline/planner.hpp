@@ -22,7 +22,7 @@ struct PlanningLog {
   std::size_t candidates = 0;
   std::size_t backtracks = 0;
   /// Stages "reference optimisation", "search", "after all fours", "timing and torques", "checks of
-  /// plans found", those that there were: s of wall time each.
+  /// plans found", "failure policies", those that there were: s of wall time each.
   std::vector<std::pair<std::string, double>> stages;
 };
 

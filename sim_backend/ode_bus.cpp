@@ -65,13 +65,35 @@ BusStatus OdeBus::enable() {
   return BusStatus::kOk;
 }
 
-OdeBus::OdeBus(OdeWorld& world, DriveErrors errors, double tick)
+OdeBus::OdeBus(OdeWorld& world, DriveErrors errors, double tick, const DrivesAlone& alone)
     : world_(world),
       errors_(std::move(errors)),
       tick_(tick > 0.0 ? tick : world.options().step),
       acting_(world.model().joints.size()),
       read_(world.model().joints.size()),
-      noise_(errors_.seed) {}
+      noise_(errors_.seed),
+      alone_(alone) {}
+
+/// What the drives want to give now: by the host's commands, or by themselves.
+JointVector OdeBus::torques() const {
+  const JointVector q = world_.motor_position(), dq = world_.motor_rate();
+  JointVector torque(joint_count());
+  const double lost = silence_ - alone_.watchdog;
+  const bool lowers = policy_ == FailurePolicy::kLower;
+  const double share = lowers ? std::max(0.0, 1.0 - lost / alone_.lower_time) : 1.0;
+  for (std::size_t i = 0; i < acting_.size(); ++i) {
+    const auto j = static_cast<Eigen::Index>(i);
+    const Joint& joint = world_.model().joints[i];
+    if (!on_their_own_)
+      torque[j] = drive_law(acting_[i], q[j], dq[j]);
+    else if (policy_ == FailurePolicy::kLimp)
+      torque[j] = 0.0;
+    else
+      torque[j] = share * (rest_torque_[j] + joint.kp * (rest_q_[j] - q[j])) -
+                  (lowers ? alone_.lower_damping : joint.kd) * dq[j];
+  }
+  return torque;
+}
 
 /// One step of the world under the commands that have arrived; `wanted`: the drives' torques.
 void OdeBus::step(JointVector& wanted) {
@@ -80,12 +102,12 @@ void OdeBus::step(JointVector& wanted) {
     acting_ = std::move(pending_.front().commands);
     pending_.pop_front();
   }
-  const JointVector q = world_.motor_position(), dq = world_.motor_rate();
+  const JointVector torque_of = torques();
   wanted = JointVector::Zero(joint_count());
   JointVector tau = wanted;
   for (std::size_t i = 0; i < acting_.size(); ++i) {
     const auto j = static_cast<Eigen::Index>(i);
-    const double torque = drive_law(acting_[i], q[j], dq[j]);
+    const double torque = torque_of[j];
     read_[i].flags = kJointEnabled;
     if (std::isfinite(torque)) {
       wanted[j] = torque;
@@ -126,6 +148,30 @@ void OdeBus::read(const JointVector& wanted, double elapsed) {
   }
 }
 
+/// The world by a tick. @return s that it has advanced
+double OdeBus::advance(JointVector& wanted) {
+  double elapsed = 0.0;
+  for (owed_ += tick_; owed_ >= 0.5 * world_.options().step; owed_ -= world_.options().step) {
+    step(wanted);
+    elapsed += world_.options().step;
+  }
+  return elapsed;
+}
+
+void OdeBus::pass() {
+  if (!enabled_) {
+    return;
+  }
+  silence_ += tick_;
+  if (!on_their_own_ && silence_ >= alone_.watchdog) {
+    rest_q_ = world_.motor_position();
+    rest_torque_ = world_.drive_torque();
+    on_their_own_ = true;
+  }
+  JointVector wanted;
+  static_cast<void>(advance(wanted));
+}
+
 BusStatus OdeBus::exchange(std::span<const JointCommand> commands, std::span<JointState> states,
                            std::int64_t /*deadline_ns*/) noexcept {
   const auto count = static_cast<std::size_t>(joint_count());
@@ -137,12 +183,10 @@ BusStatus OdeBus::exchange(std::span<const JointCommand> commands, std::span<Joi
   } else {
     std::copy(commands.begin(), commands.end(), acting_.begin());
   }
+  silence_ = 0.0;
+  on_their_own_ = false;
   JointVector wanted;
-  double elapsed = 0.0;
-  for (owed_ += tick_; owed_ >= 0.5 * world_.options().step; owed_ -= world_.options().step) {
-    step(wanted);
-    elapsed += world_.options().step;
-  }
+  const double elapsed = advance(wanted);
   if (elapsed > 0.0) {
     read(wanted, elapsed);
   }

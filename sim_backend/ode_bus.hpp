@@ -42,7 +42,8 @@ class OdeBus final : public MotorBus {
  public:
   /// The world must outlive the bus.
   /// @param tick s; 0: the world's step
-  explicit OdeBus(OdeWorld& world, DriveErrors errors = {}, double tick = 0.0);
+  explicit OdeBus(OdeWorld& world, DriveErrors errors = {}, double tick = 0.0,
+                  const DrivesAlone& alone = {});
 
   [[nodiscard]] int joint_count() const noexcept override;
   [[nodiscard]] BusStatus enable() override;
@@ -51,6 +52,12 @@ class OdeBus final : public MotorBus {
   [[nodiscard]] BusStatus exchange(std::span<const JointCommand> commands,
                                    std::span<JointState> states,
                                    std::int64_t deadline_ns) noexcept override;
+  /// A tick in which no exchange comes: the world goes on with the drives alone.
+  void pass();
+  [[nodiscard]] bool set_failure_policy(FailurePolicy policy) noexcept override {
+    policy_ = policy;
+    return true;
+  }
   void disable() noexcept override { enabled_ = false; }
   [[nodiscard]] BusCounters counters() const noexcept override { return counters_; }
 
@@ -61,6 +68,8 @@ class OdeBus final : public MotorBus {
   };
 
   void step(JointVector& wanted);
+  [[nodiscard]] double advance(JointVector& wanted);
+  [[nodiscard]] JointVector torques() const;
   [[nodiscard]] double reading(double exact);
   void read(const JointVector& wanted, double elapsed);
 
@@ -74,6 +83,11 @@ class OdeBus final : public MotorBus {
   std::vector<JointState> read_;
   std::deque<Delayed> pending_;
   std::mt19937_64 noise_;
+  DrivesAlone alone_;
+  FailurePolicy policy_ = FailurePolicy::kLimp;
+  double silence_ = 0.0;  ///< s since the last exchange
+  bool on_their_own_ = false;
+  JointVector rest_q_, rest_torque_;  ///< rad and N m, when the watchdogs ran out
 };
 
 /// Fills the simulation-truth part of the frame (base pose, forces; flag kFrameHasTruth) with the

@@ -254,7 +254,7 @@ const Case kCases[] = {
     {"HalConfigIsAFifo", {}, kRun + " --hal-config fifo", 2, "fifo: is a FIFO"},
     {"PlanIsNoJson", {{"plan.json", "\"version\"", "<end>", ""}}, kRun, 2, "not a JSON file"},
     {"PlanOfALaterVersion",
-     {{"plan.json", "", "\"version\": 2", "\"version\": 7"}},
+     {{"plan.json", "", "\"version\": 3", "\"version\": 7"}},
      kRun,
      2,
      "version"},

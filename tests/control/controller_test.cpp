@@ -275,6 +275,32 @@ TEST(Controller, FaultsOnADriveFaultAndOnAFarStart) {
   EXPECT_EQ(far.controller.fault(), FaultCode::kStartDistance);
 }
 
+TEST(Controller, TellsThePolicyOfThePhaseItIsIn) {
+  EXPECT_EQ(Controller().lost_host_policy(), FailurePolicy::kHold);
+  Rig rig;
+  auto keyframes = test::smooth_keyframes(kJoints, kKeyframes);
+  for (ImageKeyframe& k : keyframes)
+    if (k.phase == 1) k.failure_policy = static_cast<std::uint32_t>(FailurePolicy::kLower);
+  rig.image = test::make_image(kJoints, keyframes);
+  ASSERT_EQ(rig.load().status, LoadStatus::kOk);
+  // Keyframes 11 to 20, so the phase lasts from keyframe 10, at 1 s of the plan, to the 20th.
+  const auto lowers = [&] { return rig.controller.lost_host_policy() == FailurePolicy::kLower; };
+  while (rig.frame.plan_time < 0.995) {
+    rig.tick();
+    ASSERT_FALSE(lowers()) << rig.frame.plan_time;
+  }
+  rig.run(10);
+  while (rig.frame.plan_time < 1.995) {
+    rig.tick();
+    ASSERT_TRUE(lowers()) << rig.frame.plan_time;
+  }
+  rig.run(10);
+  do {
+    rig.tick();
+    ASSERT_FALSE(lowers()) << rig.frame.plan_time;
+  } while (rig.status != TickStatus::kFinished);
+}
+
 TEST(Controller, WithoutAPlanItCommandsNothing) {
   Rig rig;
   rig.robot.commands[0].tau = 5.0;

@@ -87,7 +87,7 @@ TEST(PlanImage, RefusesEveryTruncation) {
 TEST(PlanImage, NamesWhatIsWrong) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(open(with_header([](auto& h) { h.magic[0] = 'X'; })), PlanImageStatus::kBadMagic);
-  EXPECT_EQ(open(with_header([](auto& h) { h.version = 1; })), PlanImageStatus::kBadVersion);
+  EXPECT_EQ(open(with_header([](auto& h) { h.version = 2; })), PlanImageStatus::kBadVersion);
   EXPECT_EQ(open(with_header([](auto& h) { h.keyframe_count = 1; })),
             PlanImageStatus::kBadKeyframeCount);
   EXPECT_EQ(open(with_header([](auto& h) { h.keyframe_count = 0xFFFFFFFF; })),
@@ -110,6 +110,31 @@ TEST(PlanImage, NamesWhatIsWrong) {
             PlanImageStatus::kPositionLimit);
   EXPECT_EQ(open(with_keyframes([](auto& k) { k[3].tau[1] = -30.1; })),
             PlanImageStatus::kTorqueLimit);
+}
+
+TEST(PlanImage, CarriesOneKnownFailurePolicyAPhase) {
+  const auto hold = static_cast<std::uint32_t>(FailurePolicy::kHold);
+  const auto limp = static_cast<std::uint32_t>(FailurePolicy::kLimp);
+  // Keyframes 2 and 3 are the second of three phases.
+  const auto image = with_keyframes([&](auto& k) {
+    for (const std::size_t i : {2u, 3u}) k[i].failure_policy = limp;
+  });
+  PlanImageView view;
+  ASSERT_EQ(open_plan_image(image, Robot().requirements(), view), PlanImageStatus::kOk);
+  // A phase begins with the motion that leads to its first keyframe.
+  EXPECT_EQ(view.failure_policy(0), FailurePolicy::kHold);
+  EXPECT_EQ(view.failure_policy(1), FailurePolicy::kLimp);
+  EXPECT_EQ(view.failure_policy(2), FailurePolicy::kLimp);
+  EXPECT_EQ(view.failure_policy(3), FailurePolicy::kHold);
+  EXPECT_EQ(view.failure_policy(5), FailurePolicy::kHold);
+
+  EXPECT_EQ(open(with_keyframes([](auto& k) { k[3].failure_policy = kFailurePolicies; })),
+            PlanImageStatus::kFailurePolicy);
+  EXPECT_EQ(open(with_keyframes([&](auto& k) {
+              k[2].failure_policy = limp;
+              k[3].failure_policy = hold;
+            })),
+            PlanImageStatus::kFailurePolicy);
 }
 
 TEST(PlanImage, RefusesAPlanWithoutCertificateUnlessToldOtherwise) {

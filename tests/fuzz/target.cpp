@@ -309,6 +309,7 @@ bool open_image(std::span<const std::byte> bytes) {
   demand(view.size() >= 2 && view.time(0) == 0.0, "two keyframes, from 0 s");
   for (std::size_t i = 0; i < view.size(); ++i) {
     demand(i == 0 || view.time(i) > view.time(i - 1), "times increase");
+    demand(view.keyframes()[i].failure_policy < kFailurePolicies, "failure policies are known");
     for (std::size_t j = 0; j < view.dimensions(); ++j) {
       demand(std::abs(view.value(i, j)) <= 1.0, "positions are within the limits");
       demand(std::abs(view.keyframes()[i].tau[j]) <= 10.0, "torques are within the limits");

@@ -33,7 +33,7 @@ Plan make_plan() {
   plan.joint_names = {"WaistLat", "WaistSag"};
   plan.notes = {"a \"note\"", "another"};
   plan.certified_for = {{"obstacle height", "m", 0.01, 0.0187}};
-  plan.phases = {{"State1", 0.0}, {"swing Lknee", 1.0}};
+  plan.phases = {{"State1", 0.0}, {"swing Lknee", 1.0, FailurePolicy::kLower}};
   for (int i = 0; i < 12; ++i) {
     Keyframe k;
     k.time = 0.15 * i;
@@ -112,6 +112,8 @@ TEST_F(PlanFile, RoundTripKeepsEveryNumber) {
   ASSERT_EQ(back.phases.size(), 2u);
   EXPECT_EQ(back.phases[1].name, "swing Lknee");
   EXPECT_EQ(back.phases[1].start, 1.0);
+  EXPECT_EQ(back.phases[0].failure_policy, FailurePolicy::kHold);
+  EXPECT_EQ(back.phases[1].failure_policy, FailurePolicy::kLower);
   ASSERT_EQ(back.keyframes.size(), plan.keyframes.size());
   for (std::size_t i = 0; i < plan.keyframes.size(); ++i) {
     const Keyframe& a = plan.keyframes[i];
@@ -148,12 +150,16 @@ TEST_F(PlanFile, NamesFileAndKeyOfWhatIsWrong) {
   };
   expect("{", "[", "not a JSON file");
   expect("clamber plan", "other", "format: expected \"clamber plan\"");
-  expect("\"version\": 2", "\"version\": 7", "version: expected version 2");
+  expect("\"version\": 3", "\"version\": 7", "version: expected version 3");
   expect("\"friction\": 0.8", "\"friction\": \"high\"", "friction: expected a number");
   expect("\"friction\"", "\"frictoin\"", "key 'friction' is missing");
   expect("\"synthetic_recording\": true", "\"synthetic_recording\": 1",
          "synthetic_recording: expected true or false");
   expect("\"State1\"", "3", "phases[0].name: expected a text");
+  expect("\"failure_policy\": \"hold\"", "\"failure_policy\": \"float\"",
+         "phases[0].failure_policy: expected hold, lower or limp");
+  expect("\"failure_policy\": \"hold\"", "\"policy\": \"hold\"",
+         "phases[0]: key 'failure_policy' is missing");
   expect("\"phase\":0", "\"phase\":2", "keyframes[0].phase: expected an index below 2");
   expect("\"phase\":0", "\"phase\":-1", "keyframes[0].phase: expected an index below 2");
   expect("\"time\":0.15", "\"time\":0.0", "keyframes[1].time: expected a time after");

@@ -52,6 +52,56 @@ TEST_F(Bus, DriveLawUsesTheStateBeforeTheStep) {
   EXPECT_EQ(states[0].flags, kJointEnabled);
 }
 
+/// The drives alone: the last command until the watchdog, then what they were told.
+class SilentBus : public Bus {
+ protected:
+  void kill_host(FailurePolicy policy) {
+    ASSERT_EQ(bus.enable(), BusStatus::kOk);
+    for (std::size_t j = 0; j < commands.size(); ++j)
+      commands[j] = {.q = world.configuration().q[static_cast<Eigen::Index>(j)],
+                     .kp = model.joints[j].kp,
+                     .kd = model.joints[j].kd};
+    for (int i = 0; i < 100; ++i) ASSERT_EQ(bus.exchange(commands, states, 0), BusStatus::kOk);
+    height_ = base();
+    ASSERT_TRUE(bus.set_failure_policy(policy));
+  }
+  void pass(double seconds) {
+    for (int i = 0; i < seconds * 1e3; ++i) bus.pass();
+  }
+  [[nodiscard]] double base() const { return world.configuration().X_WB.p.z(); }
+  [[nodiscard]] double torque() const { return world.drive_torque().lpNorm<Eigen::Infinity>(); }
+  double height_ = 0.0;
+};
+
+TEST_F(SilentBus, DrivesThatHoldKeepTheRobotStanding) {
+  kill_host(FailurePolicy::kHold);
+  pass(1.0);
+  EXPECT_NEAR(base(), height_, 2e-3);
+  EXPECT_GT(torque(), 1.0);
+  // The host comes back: its command counts again.
+  ASSERT_EQ(bus.exchange(std::vector<JointCommand>(commands.size()), states, 0), BusStatus::kOk);
+  EXPECT_EQ(torque(), 0.0);
+}
+
+TEST_F(SilentBus, LimpDrivesLetGoWhenTheWatchdogRunsOut) {
+  kill_host(FailurePolicy::kLimp);
+  pass(0.019);
+  EXPECT_GT(torque(), 0.5);
+  pass(0.002);
+  EXPECT_EQ(torque(), 0.0);
+  pass(0.6);
+  EXPECT_LT(base(), height_ - 0.05);
+}
+
+TEST_F(SilentBus, LoweringDrivesSinkLaterAndSlower) {
+  kill_host(FailurePolicy::kLower);
+  pass(0.6);
+  EXPECT_NEAR(base(), height_, 0.03);
+  pass(2.4 + DrivesAlone{}.watchdog);
+  world.step(JointVector::Zero(model.joint_count()));
+  EXPECT_TRUE(world.velocity().allFinite());
+}
+
 TEST_F(Bus, SaturationIsFlagged) {
   ASSERT_EQ(bus.enable(), BusStatus::kOk);
   commands[3].tau = 80.0;
