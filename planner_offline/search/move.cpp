@@ -301,7 +301,7 @@ std::vector<Move> plan_moves(const RobotModel& model, const Scenario& scenario,
                          std::to_string(sequence.states.size()) +
                          " contact states has absolute stability");
   }
-  Builder builder{model, scenario, sequence, notes, {}, {}, {}};
+  Builder builder{model, scenario, sequence, notes, {}, {}, {}, {}};
   for (std::size_t i = 0; i < model.contacts.size(); ++i) {
     if (model.contacts[i].is_patch) {
       builder.standing.insert(static_cast<int>(i));
