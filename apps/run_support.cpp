@@ -52,13 +52,12 @@ std::unique_ptr<InputLogWriter> log_inputs(const std::string& file, const RobotM
                                            std::span<const std::byte> image,
                                            const std::string& plan_sha256, std::size_t capacity) {
   if (file.empty()) return nullptr;
-  InputLogHeader header{.robot = model.name,
-                        .robot_hash = model.hash,
-                        .joint_names = {},
-                        .plan_sha256 = plan_sha256,
-                        .config = config,
-                        .image = {image.begin(), image.end()}};
-  for (const Joint& joint : model.joints) header.joint_names.push_back(joint.name);
+  const InputLogHeader header{.robot = model.name,
+                              .robot_hash = model.hash,
+                              .joint_names = joint_names(model),
+                              .plan_sha256 = plan_sha256,
+                              .config = config,
+                              .image = {image.begin(), image.end()}};
   return std::make_unique<InputLogWriter>(file, header, capacity);
 }
 

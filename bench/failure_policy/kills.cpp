@@ -124,9 +124,8 @@ class Copies {
 }  // namespace
 
 std::vector<Kill> kill_everywhere(const KillInputs& inputs, const KillOptions& options) {
-  const Perturbation perturbation = options.perturbation.value_or(Perturbation{});
-  ControllerConfig control = inputs.control;
-  Perturbation used = perturbation;
+  const ControllerConfig& control = inputs.control;
+  Perturbation used = options.perturbation.value_or(Perturbation{});
   if (!options.perturbation) used.step = control.dt;
   Controller controller;
   std::vector<double> workspace(

@@ -8,9 +8,8 @@
 //          apart, the centre of mass stays slower than half of what a fall is judged by, it has
 //          come to rest, and torso and pelvis have touched nothing.
 //   hold   everywhere else. Every keyframe is in static equilibrium within friction cones and
-//   torque
-//          limits, or there would be no plan: what freezes, stays. But the drives stay loaded, and
-//          warm, until somebody comes.
+//          torque limits, or there would be no plan: what freezes, stays. But the drives stay
+//          loaded, and warm, until somebody comes.
 #pragma once
 
 #include "planner_offline/certify/sinking.hpp"

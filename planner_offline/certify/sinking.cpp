@@ -68,12 +68,7 @@ class Descent {
         tau_rest_(tau),
         v_(VelocityVector::Zero(model.velocity_count())) {
     for (const ObstacleBox& box : scenario.obstacles) {
-      Solid solid;
-      solid.shape = Shape::kBox;
-      solid.X_WG.p = box.center;
-      solid.X_WG.R = Eigen::AngleAxisd(box.yaw, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-      solid.half_extents = box.half_extents;
-      obstacles_.push_back(solid);
+      obstacles_.push_back(solid_of(box));
     }
   }
 

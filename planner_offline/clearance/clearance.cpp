@@ -44,12 +44,7 @@ Clearance::Clearance(const RobotModel& model, const Scenario& scenario,
                      const ClearanceSettings& settings)
     : model_(model), settings_(settings), contact_of_geom_(model.geoms.size(), -1) {
   for (const ObstacleBox& box : scenario.obstacles) {
-    Solid solid;
-    solid.shape = Shape::kBox;
-    solid.X_WG.p = box.center;
-    solid.X_WG.R = Eigen::AngleAxisd(box.yaw, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-    solid.half_extents = box.half_extents;
-    obstacles_.push_back(solid);
+    obstacles_.push_back(solid_of(box));
     heights_.push_back(box.top());
   }
   for (std::size_t i = 0; i < model.contacts.size(); ++i) {

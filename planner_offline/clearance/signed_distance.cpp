@@ -255,6 +255,15 @@ Solid place(const Geom& geom, const Pose& X_WB) noexcept {
   return {geom.shape, X_WB * geom.X_BG, geom.radius, geom.length, geom.half_extents};
 }
 
+Solid solid_of(const ObstacleBox& box) noexcept {
+  Solid solid;
+  solid.shape = Shape::kBox;
+  solid.X_WG.p = box.center;
+  solid.X_WG.R = Eigen::AngleAxisd(box.yaw, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  solid.half_extents = box.half_extents;
+  return solid;
+}
+
 Distance signed_distance(const Solid& a, const Solid& b) noexcept {
   if (a.shape == Shape::kBox && b.shape == Shape::kBox) {
     return box_to_box(a, b);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "robot_model/model.hpp"
+#include "sim_backend/scenario.hpp"
 
 namespace clamber {
 
@@ -16,6 +17,7 @@ struct Solid {
 };
 
 [[nodiscard]] Solid place(const Geom& geom, const Pose& X_WB) noexcept;
+[[nodiscard]] Solid solid_of(const ObstacleBox& box) noexcept;
 
 struct Distance {
   double value = 0.0;                              ///< m, negative in penetration

@@ -243,7 +243,9 @@ TouchKeyframe ReferenceOptimiser::finish(Search& search) {
   constexpr double kTolerance = 2e-3;  // m: rows are met to first order only
   constexpr double kNominal = 0.05;    // m
   char text[200] = "";
+  std::string binding;
   if (keyframe.ik_error >= settings_.references.ik_error) {
+    binding = ik_.binding(search.x, search.data, {.contacts = &search.contacts, .landing = {}});
     keyframe.shortfall = keyframe.ik_error;
     std::snprintf(text, sizeof text, "contact out of reach by %.1f cm", 100.0 * keyframe.ik_error);
   } else if (clear.obstacle_excess < -kTolerance) {
@@ -262,11 +264,7 @@ TouchKeyframe ReferenceOptimiser::finish(Search& search) {
     std::snprintf(text, sizeof text, "%s needs %.1f N m of %.1f", joint.name.c_str(),
                   keyframe.forces.peak_torque, joint.torque_limit * settings_.forces.torque_share);
   }
-  keyframe.problem = text;
-  if (keyframe.ik_error >= settings_.references.ik_error) {
-    keyframe.problem +=
-        ik_.binding(search.x, search.data, {.contacts = &search.contacts, .landing = {}});
-  }
+  keyframe.problem = text + binding;
   return keyframe;
 }
 
