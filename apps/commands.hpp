@@ -22,5 +22,6 @@ void add_report_command(CLI::App& app);
 void add_operator_commands(CLI::App& app);  ///< arm, start, ...
 void add_bus_command(CLI::App& app);
 void add_drives_command(CLI::App& app);
+void add_doctor_command(CLI::App& app);
 
 }  // namespace clamber

@@ -66,6 +66,7 @@ int run(int argc, char** argv) {
   clamber::add_report_command(app);
   clamber::add_bus_command(app);
   clamber::add_drives_command(app);
+  clamber::add_doctor_command(app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& help) {

@@ -1,7 +1,9 @@
 #include "firmware_hal/bus_map.hpp"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <cstdio>
 #include <cstdlib>
 #include <map>
 #include <numbers>
@@ -241,6 +243,21 @@ class BusReader {
   std::map<int, std::string> joints_;
 };
 
+/// "2026-11-22" as days since 1970.
+long read_day(const YamlNode& node) {
+  const std::string text = node.text();
+  int year = 0;
+  unsigned month = 0;
+  unsigned day = 0;
+  int used = 0;
+  const bool shape = std::sscanf(text.c_str(), "%4d-%2u-%2u%n", &year, &month, &day, &used) == 3 &&
+                     static_cast<std::size_t>(used) == text.size();
+  const std::chrono::year_month_day date{std::chrono::year(year), std::chrono::month(month),
+                                         std::chrono::day(day)};
+  if (!shape || !date.ok()) node.fail("expected a day as YYYY-MM-DD, found " + text);
+  return std::chrono::sys_days(date).time_since_epoch().count();
+}
+
 void require_all_joints(const BusMap& map, const YamlNode& node, const RobotModel& robot) {
   std::set<int> mapped;
   for (const Bus& bus : map.buses)
@@ -269,7 +286,7 @@ BusMap parse_bus_map(const std::string& text, const std::filesystem::path& file,
   const std::string backend = hal.at("backend").text();
   if (backend != "socketcan")
     hal.at("backend").fail("no buses behind backend '" + backend + "', expected socketcan");
-  hal.allow_only({"backend", "rate", "max_load", "turnaround", "motors", "buses"});
+  hal.allow_only({"backend", "rate", "max_load", "turnaround", "motors", "calibrated", "buses"});
 
   BusMap map;
   map.file = file.string();
@@ -281,6 +298,7 @@ BusMap parse_bus_map(const std::string& text, const std::filesystem::path& file,
     if (map.max_load > 1.0) load->fail("expected at most 1");
   }
   if (const auto turnaround = hal.find("turnaround")) map.turnaround = turnaround->non_negative();
+  if (const auto day = hal.find("calibrated")) map.calibrated = read_day(*day);
   const Motors motors = load_motor_types(file.parent_path() / hal.at("motors").text());
   BusReader reader(robot, motors, 1.0 / map.rate);
   for (const auto& [name, node] : hal.at("buses").entries()) {

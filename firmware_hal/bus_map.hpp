@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -80,6 +81,7 @@ struct BusMap {
   double max_load = 0.8;      ///< of the worst-case bus time; more is refused
   double turnaround = 50e-6;  ///< s from a drive's trigger to its reply, at most
   int joint_count = 0;
+  std::optional<long> calibrated;  ///< day on which the zeros were measured, days since 1970
   std::vector<Bus> buses;
 };
 

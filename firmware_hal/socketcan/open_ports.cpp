@@ -1,9 +1,8 @@
 #include "firmware_hal/socketcan/open_ports.hpp"
 
 namespace clamber {
-namespace {
 
-SocketCanSettings settings_of(const BusMap& map, const Bus& bus) {
+SocketCanSettings socketcan_settings(const BusMap& map, const Bus& bus) {
   SocketCanSettings settings;
   settings.interface = bus.interface;
   settings.fd = bus.format().fd;
@@ -13,13 +12,11 @@ SocketCanSettings settings_of(const BusMap& map, const Bus& bus) {
   return settings;
 }
 
-}  // namespace
-
 SocketCanPorts open_ports(const BusMap& map) {
   SocketCanPorts opened;
   std::vector<SocketCanPort*> waited_for;
   for (const Bus& bus : map.buses) {
-    opened.ports.push_back(std::make_unique<SocketCanPort>(settings_of(map, bus)));
+    opened.ports.push_back(std::make_unique<SocketCanPort>(socketcan_settings(map, bus)));
     waited_for.push_back(opened.ports.back().get());
   }
   opened.clock = std::make_unique<SocketCanClock>(std::move(waited_for));

@@ -10,6 +10,9 @@
 
 namespace clamber {
 
+/// What the interface of a bus of the map must be.
+[[nodiscard]] SocketCanSettings socketcan_settings(const BusMap& map, const Bus& bus);
+
 /// One port per bus of the map, in its order, and their clock.
 struct SocketCanPorts {
   std::vector<std::unique_ptr<SocketCanPort>> ports;
