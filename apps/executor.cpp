@@ -191,9 +191,9 @@ class Loop {
     return !seat_.attended() && faulted_ > fault_ticks_;
   }
 
-  /// Tells the drives before the first command of a phase goes out.
+  /// Tells the drives, so that they know before the first command of a phase goes out.
   void prepare_failure() noexcept {
-    const FailurePolicy policy = controller_.lost_host_policy();
+    const FailurePolicy policy = controller_.lost_host_policy(bus_.failure_policy_delay());
     if (told_ == policy) return;
     static_cast<void>(bus_.set_failure_policy(policy));
     told_ = policy;

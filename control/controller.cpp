@@ -585,10 +585,12 @@ void Controller::set_feed_forward(FeedForward feed_forward) noexcept {
   for (std::size_t j = 0; j < config_.joint_count; ++j) pid_[j].rebase();
 }
 
-FailurePolicy Controller::lost_host_policy() const noexcept {
+FailurePolicy Controller::lost_host_policy(double ahead) const noexcept {
   if (plan_.spline.size() == 0) return FailurePolicy::kHold;
-  const bool at_end = plan_time_ >= plan_.spline.end();
-  return plan_.image.failure_policy(at_end ? plan_.image.size() - 1 : segment_);
+  const double then = plan_time_ + ahead * config_.time_scale;
+  std::size_t segment = segment_;
+  while (segment + 1 < plan_.image.size() && plan_.image.time(segment + 1) <= then) ++segment;
+  return plan_.image.failure_policy(segment);
 }
 
 std::uint64_t Controller::expected_ticks() const noexcept {

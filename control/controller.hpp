@@ -187,8 +187,9 @@ class Controller {
   /// What the robot shall do when it cannot go on, now.
   [[nodiscard]] FailurePolicy failure_policy() const noexcept { return config_.failure_policy; }
   /// What the drives shall do by themselves, from now on, if no command comes any more: the plan's
-  /// policy for the phase that the robot is in. Without a plan: kHold.
-  [[nodiscard]] FailurePolicy lost_host_policy() const noexcept;
+  /// policy for the phase that the robot is in, or will be in `ahead` seconds from now, which is
+  /// how long the drives take to be told. Without a plan: kHold.
+  [[nodiscard]] FailurePolicy lost_host_policy(double ahead = 0.0) const noexcept;
   /// Ticks from first to last if nothing holds the plan up and the start move is the shortest.
   [[nodiscard]] std::uint64_t expected_ticks() const noexcept;
 

@@ -322,9 +322,12 @@ MitDrive mit_drive(const Bus& bus, const JointDrive& drive) noexcept {
 
 Cia402Drive cia402_drive(const Bus& bus, const JointDrive& drive) noexcept {
   const Cia402Motor& motor = drive.motor.cia402;
-  return {static_cast<std::uint8_t>(drive.node), bus.mode,
-          motor.counts_per_turn / (2.0 * std::numbers::pi), motor.rated_torque / 1000.0,
-          motor.max_torque};
+  return {static_cast<std::uint8_t>(drive.node),
+          bus.mode,
+          motor.counts_per_turn / (2.0 * std::numbers::pi),
+          motor.rated_torque / 1000.0,
+          motor.max_torque,
+          motor.lower_option};
 }
 
 }  // namespace clamber

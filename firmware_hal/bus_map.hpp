@@ -32,6 +32,7 @@ struct Cia402Motor {
   double rated_torque = 1.0;         ///< N m at the joint: object 6076h behind the gear
   double gear_ratio = 1.0;           ///< turns of the motor per turn of the joint
   double max_torque = 1.0;           ///< N m at the joint; commands are clamped to it
+  std::int16_t lower_option = 0;     ///< 6007h by which it lowers its joint; 0: it cannot
   // Settings of the drive itself, which only its simulation needs:
   double loop_kp = 1000.0;   ///< N m/rad at the joint: its position loop (CSP, quick stop)
   double loop_kd = 20.0;     ///< N m s/rad

@@ -353,6 +353,18 @@ void CanMotorBus::quick_stop() noexcept {
   if (goal_ == HostGoal::kOn) set_goal(HostGoal::kQuickStop);
 }
 
+bool CanMotorBus::set_failure_policy(FailurePolicy policy) noexcept {
+  bool all = true;
+  for (Segment& segment : segments()) all = segment.host->set_failure_policy(policy) && all;
+  return all;
+}
+
+double CanMotorBus::failure_policy_delay() const noexcept {
+  std::uint32_t most = 0;
+  for (std::size_t i = 0; i < count_; ++i) most = std::max(most, segments_[i].host->policy_ticks());
+  return most * settings_.tick;
+}
+
 bool CanMotorBus::any_on() noexcept {
   for (Segment& segment : segments())
     for (std::size_t d = 0; d < segment.host->size(); ++d)

@@ -91,6 +91,9 @@ class CanMotorBus final : public MotorBus {
                                    std::int64_t deadline_ns) noexcept override;
   /// From the next exchange() on; only disable() leads out of it.
   void quick_stop() noexcept;
+  /// False when the drives of some bus cannot be told: they do what they are set to.
+  [[nodiscard]] bool set_failure_policy(FailurePolicy policy) noexcept override;
+  [[nodiscard]] double failure_policy_delay() const noexcept override;
   void disable() noexcept override;
   [[nodiscard]] BusCounters counters() const noexcept override;
 

@@ -37,6 +37,8 @@ class MotorBus {
   /// thread, between two exchanges; until the first call, and where it is refused, drives do what
   /// they are set to. @return false: drives of this kind cannot be told
   [[nodiscard]] virtual bool set_failure_policy(FailurePolicy /*policy*/) noexcept { return false; }
+  /// s from that call until the last drive has been told.
+  [[nodiscard]] virtual double failure_policy_delay() const noexcept { return 0.0; }
   /// Switches the drives off.
   virtual void disable() noexcept = 0;
   [[nodiscard]] virtual BusCounters counters() const noexcept = 0;

@@ -1,5 +1,7 @@
 #include "firmware_hal/motor_types.hpp"
 
+#include <cmath>
+
 #include "robot_model/yaml_reader.hpp"
 
 namespace clamber {
@@ -55,7 +57,7 @@ MitMotor read_mit(const YamlNode& node) {
 
 Cia402Motor read_cia402(const YamlNode& node) {
   node.allow_only({"protocol", "counts_per_turn", "rated_torque", "gear_ratio", "max_torque",
-                   "position_loop", "quick_stop", "winding"});
+                   "lower_option", "position_loop", "quick_stop", "winding"});
   Cia402Motor motor;
   motor.counts_per_turn = node.at("counts_per_turn").positive();
   motor.rated_torque = node.at("rated_torque").positive();
@@ -64,6 +66,13 @@ Cia402Motor read_cia402(const YamlNode& node) {
   // Target torque is a signed 16-bit number of thousandths of the rated torque.
   if (motor.max_torque > 32.0 * motor.rated_torque)
     node.at("max_torque").fail("expected at most 32 times rated_torque");
+  if (const auto option = node.find("lower_option")) {
+    const double value = option->number();
+    // CiA 402-2: what 6007h does from -1 downwards is the maker's to say.
+    if (value != std::floor(value) || value < -32768.0 || value > -1.0)
+      option->fail("expected a whole number from -32768 to -1, found " + option->text());
+    motor.lower_option = static_cast<std::int16_t>(value);
+  }
   if (const auto loop = node.find("position_loop")) {
     loop->allow_only({"kp", "kd"});
     motor.loop_kp = loop->at("kp").positive();

@@ -10,6 +10,7 @@ namespace clamber {
 namespace {
 
 constexpr std::uint32_t kFdDataBitrate = 5'000'000;
+constexpr const char* kHostHeartbeat = "host heartbeat";
 
 std::string megabits(std::uint32_t rate) {
   char text[32];
@@ -37,7 +38,7 @@ void add_mit(const BusMap& map, const Bus& bus, std::vector<PlannedFrame>& frame
 void add_cia402(const BusMap& map, const Bus& bus, std::vector<PlannedFrame>& frames) {
   const double tick = 1.0 / map.rate;
   const std::size_t command = bus.mode == Cia402Mode::kCyclicTorque ? 4 : 8;
-  frames.push_back({"host heartbeat", 0x700u + bus.host_node, 1, {}, true, -1, bus.heartbeat});
+  frames.push_back({kHostHeartbeat, 0x700u + bus.host_node, 1, {}, true, -1, bus.heartbeat});
   for (const JointDrive& drive : bus.drives)
     frames.push_back({drive.name + " RPDO1", 0x200u + drive.node, command, {}, true, -1, tick});
   frames.push_back({"SYNC", 0x080, 0, {}, true, -1, tick});
@@ -47,6 +48,13 @@ void add_cia402(const BusMap& map, const Bus& bus, std::vector<PlannedFrame>& fr
   for (const JointDrive& drive : bus.drives)
     frames.push_back(
         {drive.name + " heartbeat", 0x700u + drive.node, 1, {}, false, -1, bus.heartbeat});
+  // One drive at a time: the one whose identifiers wait longest.
+  std::uint16_t last = 0;
+  for (const JointDrive& drive : bus.drives) last = std::max(last, drive.node);
+  frames.push_back({"failure policy", 0x600u + last, 8, {}, true, -1, bus.heartbeat, true});
+  const int question = static_cast<int>(frames.size()) - 1;
+  frames.push_back(
+      {"failure policy, taken", 0x580u + last, 8, {}, false, question, bus.heartbeat, true});
 }
 
 double seconds(const FrameBits& bits, const Bus& bus) {
@@ -67,7 +75,9 @@ double seconds(const FrameBits& bits, const Bus& bus) {
 /// against it, one may have just begun (Davis et al. 2007, section 3: blocking).
 class Contention {
  public:
-  Contention(const std::vector<FrameBudget>& all, std::size_t m) : all_(all), m_(m) {
+  /// @param beat in a tick with the host's heartbeat, or in one without
+  Contention(const std::vector<FrameBudget>& all, std::size_t m, bool beat)
+      : all_(all), m_(m), beat_(beat) {
     const PlannedFrame& frame = all[m].frame;
     last_id_ = frame.id;
     for (std::size_t k = 0; frame.from_host && k < m; ++k)
@@ -96,6 +106,7 @@ class Contention {
   [[nodiscard]] bool possible(std::size_t k) const {
     const PlannedFrame& frame = all_[m_].frame;
     const PlannedFrame& other = all_[k].frame;
+    if (beat_ ? other.off_beat : other.name == kHostHeartbeat) return false;
     if (frame.from_host) {
       if (other.from_host) return k < m_;
       return other.trigger < 0 || static_cast<std::size_t>(other.trigger) < m_;
@@ -105,6 +116,7 @@ class Contention {
 
   const std::vector<FrameBudget>& all_;
   std::size_t m_;
+  bool beat_;
   std::uint32_t last_id_ = 0;
 };
 
@@ -120,23 +132,31 @@ double rare_response(double tick_sum, double rare_sum, double tick) {
   return INFINITY;
 }
 
+/// Responses of a tick's frames, counted from its start.
+std::vector<double> tick_responses(const std::vector<FrameBudget>& frames, double turnaround,
+                                   double at_most, bool beat) {
+  std::vector<double> responses;
+  for (std::size_t m = 0; m < frames.size(); ++m) {
+    const int trigger = frames[m].frame.trigger;
+    const double ready =
+        trigger < 0 ? 0.0 : responses[static_cast<std::size_t>(trigger)] + turnaround;
+    responses.push_back(
+        std::min(at_most, ready + Contention(frames, m, beat).waiting() + frames[m].duration));
+  }
+  return responses;
+}
+
 void respond(std::vector<FrameBudget>& frames, double turnaround, double tick) {
   double tick_sum = 0.0;
   double rare_sum = 0.0;
   for (const FrameBudget& f : frames) (f.frame.period == tick ? tick_sum : rare_sum) += f.duration;
-  for (std::size_t m = 0; m < frames.size(); ++m) {
-    FrameBudget& f = frames[m];
-    if (f.frame.period != tick) {
-      f.response = rare_response(tick_sum, rare_sum, tick);
-      continue;
-    }
-    const int trigger = f.frame.trigger;
-    const double ready =
-        trigger < 0 ? 0.0 : frames[static_cast<std::size_t>(trigger)].response + turnaround;
-    // Within a tick the bus idles only while drives prepare replies: once, after the last command.
-    f.response = std::min(tick_sum + rare_sum + turnaround,
-                          ready + Contention(frames, m).waiting() + f.duration);
-  }
+  // Within a tick the bus idles only while drives prepare replies: once, after the last command.
+  const double at_most = tick_sum + rare_sum + turnaround;
+  const std::vector<double> with_beat = tick_responses(frames, turnaround, at_most, true);
+  const std::vector<double> without = tick_responses(frames, turnaround, at_most, false);
+  for (std::size_t m = 0; m < frames.size(); ++m)
+    frames[m].response = frames[m].frame.period == tick ? std::max(with_beat[m], without[m])
+                                                        : rare_response(tick_sum, rare_sum, tick);
 }
 
 BusBudget budget_of(const BusMap& map, const Bus& bus) {
@@ -153,7 +173,7 @@ BusBudget budget_of(const BusMap& map, const Bus& bus) {
     const FrameBits worst = worst_bits(frame.length, frame.format);
     const double duration = seconds(worst, bus);
     const double load = duration / frame.period;
-    const bool shared = frame.from_host && (frame.name == "SYNC" || frame.name == "host heartbeat");
+    const bool shared = frame.from_host && (frame.name == "SYNC" || frame.name == kHostHeartbeat);
     (shared ? overhead : joints) += load;
     if (frame.period != tick) slow += load;
     budget.busy += duration;

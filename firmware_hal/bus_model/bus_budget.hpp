@@ -18,6 +18,7 @@ struct PlannedFrame {
   bool from_host = false;  ///< host frames leave in the order of the list (one queue)
   int trigger = -1;        ///< index of the frame that makes a drive send this one; -1: none
   double period = 0.0;     ///< s
+  bool off_beat = false;   ///< never in a tick with the host's heartbeat
 };
 
 /// Everything that the protocol sends on this bus: per tick commands and replies (and SYNC), and

@@ -13,6 +13,7 @@
 #include <cstdint>
 #include <span>
 
+#include "control/failure_policy.hpp"
 #include "control/joint_types.hpp"
 #include "firmware_hal/can_frame.hpp"
 #include "firmware_hal/codec/codec_status.hpp"
@@ -89,9 +90,10 @@ struct LinkStatus {
 struct HostCounters {
   std::uint64_t replies = 0;
   std::uint64_t missing_replies = 0;
-  std::uint64_t foreign = 0;     ///< frames of nobody on this bus
-  std::uint64_t malformed = 0;   ///< right id, wrong format, length or content
-  std::uint64_t clamped = 0;     ///< commands beyond a drive's range
+  std::uint64_t foreign = 0;           ///< frames of nobody on this bus
+  std::uint64_t malformed = 0;         ///< right id, wrong format, length or content
+  std::uint64_t clamped = 0;           ///< commands beyond a drive's range
+  std::uint64_t policies_refused = 0;  ///< a drive did not take a failure policy
   std::uint64_t not_finite = 0;  ///< commands that were not numbers: the last good one was repeated
 };
 
@@ -105,6 +107,10 @@ class BusHost {
   /// From kOff to kOn also resets faults in the drives. From kQuickStop only kOff is accepted, from
   /// kOff no kQuickStop: such calls change nothing. Only kOn ever leads to an enabling frame.
   virtual void set_goal(HostGoal goal) noexcept = 0;
+  /// What the drives shall do when this host falls silent. They are told one after the other, all
+  /// of them within policy_ticks(). @return false: they cannot be told
+  [[nodiscard]] virtual bool set_failure_policy(FailurePolicy /*policy*/) noexcept { return false; }
+  [[nodiscard]] virtual std::uint32_t policy_ticks() const noexcept { return 0; }
   /// Counts a tick and lists the frames to send in it. `commands` in the robot's joint order.
   virtual void begin_tick(std::span<const JointCommand> commands, FrameList& out) noexcept = 0;
   /// Takes any frame at all. @return kOk: it was a drive's and has been used

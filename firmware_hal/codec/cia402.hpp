@@ -25,6 +25,7 @@ enum class Cia402State : std::uint8_t {
 enum class Cia402Mode : std::int8_t { kCyclicPosition = 8, kCyclicTorque = 10 };  ///< object 6060h
 
 /// What a drive does when its host falls silent: object 6007h, "abort connection option code".
+/// Negative codes are the drive's maker's own (CiA 402-2).
 enum class LostHostReaction : std::uint8_t { kNone = 0, kFault = 1, kDisable = 2, kQuickStop = 3 };
 
 enum Controlword : std::uint16_t {
@@ -58,6 +59,8 @@ struct Cia402Drive {
   double torque_per_permille =
       1.0;                  ///< N m per thousandth of the rated torque (6071h, 6077h, 60B2h)
   double max_torque = 0.0;  ///< N m; commands are clamped to it
+  /// 6007h by which this drive lowers its joint, of its maker's own; 0: it has none.
+  std::int16_t lower_option = 0;
 };
 
 /// RPDO1. CST: 6040h u16, 6071h i16 (4 bytes). CSP: 6040h u16, 607Ah i32, 60B2h i16 (8 bytes).

@@ -8,6 +8,7 @@ namespace {
 
 constexpr double kSdoTimeout = 0.1;  // s
 constexpr std::uint8_t kSdoAttempts = 3;
+constexpr std::uint16_t kLostHostObject = 0x6007;
 constexpr double kCallInterval = 0.5;   // s between attempts to find a silent drive
 constexpr double kEnableTimeout = 1.0;  // s
 constexpr double kReplyTimeout = 0.05;  // s without process data of a running drive
@@ -78,6 +79,62 @@ void Cia402Host::begin_tick(std::span<const JointCommand> commands, FrameList& o
   if (running) out.push(encode_sync());
   for (std::size_t i = 0; i < size_; ++i)
     if (drives_[i].stage != Stage::kRunning) bring_up(i, out);
+  const bool off_beat = (tick_ - 1) % heartbeat_ticks_ == heartbeat_ticks_ / 2;
+  if (policy_ && off_beat) tell_policy(out);
+}
+
+bool Cia402Host::set_failure_policy(FailurePolicy policy) noexcept {
+  if (policy_ != policy)
+    for (Drive& drive : drives_) drive.policy_attempts = 0;
+  policy_ = policy;
+  return true;
+}
+
+std::uint32_t Cia402Host::policy_ticks() const noexcept {
+  return heartbeat_ticks_ * (static_cast<std::uint32_t>(size_) + 1);
+}
+
+std::uint16_t Cia402Host::policy_code(const Drive& drive, FailurePolicy policy) noexcept {
+  if (policy == FailurePolicy::kLimp) return static_cast<std::uint16_t>(LostHostReaction::kDisable);
+  if (policy == FailurePolicy::kLower && drive.codec.lower_option != 0)
+    return static_cast<std::uint16_t>(drive.codec.lower_option);
+  return static_cast<std::uint16_t>(LostHostReaction::kQuickStop);
+}
+
+/// Asks the first drive that does not have the policy yet. One that does not answer is asked again
+/// in its turn, as often as a step of the configuration.
+void Cia402Host::tell_policy(FrameList& out) noexcept {
+  const auto fewer_attempts = [](const Drive& a, const Drive& b) {
+    return a.policy_attempts < b.policy_attempts;
+  };
+  Drive* next = nullptr;
+  for (Drive& drive : std::span(drives_).first(size_)) {
+    const bool waits = drive.stage == Stage::kRunning && drive.policy_attempts < kSdoAttempts &&
+                       drive.policy_code != policy_code(drive, *policy_);
+    if (waits && (next == nullptr || fewer_attempts(drive, *next))) next = &drive;
+  }
+  if (next == nullptr) return;
+  if (++next->policy_attempts == kSdoAttempts) ++counters_.policies_refused;
+  next->policy_asked = policy_code(*next, *policy_);
+  Sdo sdo;
+  sdo.kind = SdoKind::kDownload;
+  sdo.node = next->codec.node;
+  sdo.index = kLostHostObject;
+  sdo.size = 2;
+  sdo.value = next->policy_asked;
+  out.push(encode_sdo(sdo, true));
+}
+
+void Cia402Host::take_policy_answer(Drive& drive, SdoKind answer) noexcept {
+  if (drive.policy_attempts == 0) return;  // not asked
+  if (answer == SdoKind::kDownloadReply) {
+    if (drive.policy_attempts == kSdoAttempts) --counters_.policies_refused;
+    drive.policy_attempts = 0;
+    drive.policy_code = drive.policy_asked;
+  } else if (answer == SdoKind::kAbort && drive.policy_attempts < kSdoAttempts) {
+    drive.policy_attempts = kSdoAttempts;
+    ++counters_.policies_refused;
+  }
 }
 
 void Cia402Host::supervise(std::size_t i) noexcept {
@@ -318,6 +375,8 @@ void Cia402Host::take_heartbeat(std::size_t i, NmtState state) noexcept {
 
 void Cia402Host::take_sdo(std::size_t i, const Sdo& sdo) noexcept {
   Drive& drive = drives_[i];
+  if (drive.stage == Stage::kRunning && sdo.index == kLostHostObject)
+    take_policy_answer(drive, sdo.kind);
   if (drive.stage != Stage::kConfiguring || !drive.asked) return;
   const SdoStep step = cia402_step(drive.codec, settings_, drive.step);
   if (sdo.index != step.index || sdo.sub != step.sub) return;  // an answer to an earlier question
@@ -340,6 +399,8 @@ void Cia402Host::take_sdo(std::size_t i, const Sdo& sdo) noexcept {
   if (++drive.step < cia402_step_count(drive.codec)) return;
   drive.stage = Stage::kStarting;
   drive.wait = 0;
+  drive.policy_code.reset();
+  drive.policy_attempts = 0;
 }
 
 CodecStatus Cia402Host::take_reply(std::size_t i, const CanFrame& frame) noexcept {

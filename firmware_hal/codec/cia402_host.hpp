@@ -5,7 +5,13 @@
 // by SDO (heartbeats, reaction to a lost host, mode, process data) and started. From then on every
 // tick sends RPDO1 to each and one SYNC, on which drives act on RPDO1 and send TPDO1. None of this
 // energises anything: only the goal kOn leads a drive up the state machine, one controlword a tick.
+//
+// A running drive is told a new failure policy by SDO (6007h), one drive midway between two of the
+// host's heartbeats, so that the bus budget holds it: hold is the quick stop that ends in standing,
+// limp "disable voltage", lower the maker's own code; a drive that has none holds.
 #pragma once
+
+#include <optional>
 
 #include "firmware_hal/codec/bus_host.hpp"
 #include "firmware_hal/codec/cia402.hpp"
@@ -31,6 +37,8 @@ class Cia402Host final : public BusHost {
                                double rated_motor_torque) noexcept;
 
   void set_goal(HostGoal goal) noexcept override;
+  [[nodiscard]] bool set_failure_policy(FailurePolicy policy) noexcept override;
+  [[nodiscard]] std::uint32_t policy_ticks() const noexcept override;
   void begin_tick(std::span<const JointCommand> commands, FrameList& out) noexcept override;
   CodecStatus receive(const CanFrame& frame) noexcept override;
 
@@ -59,6 +67,9 @@ class Cia402Host final : public BusHost {
     std::int32_t counts = 0;
     Emergency emergency;
     Cia402Command last;
+    std::optional<std::uint16_t> policy_code;  ///< of 6007h, which it has acknowledged
+    std::uint16_t policy_asked = 0;            ///< in the last question
+    std::uint8_t policy_attempts = 0;
   };
 
   [[nodiscard]] std::uint32_t ticks(double seconds) const noexcept;
@@ -66,6 +77,9 @@ class Cia402Host final : public BusHost {
   void bring_up(std::size_t i, FrameList& out) noexcept;
   void configure(std::size_t i, FrameList& out) noexcept;
   void command(std::size_t i, std::span<const JointCommand> commands, FrameList& out) noexcept;
+  void tell_policy(FrameList& out) noexcept;
+  void take_policy_answer(Drive& drive, SdoKind answer) noexcept;
+  [[nodiscard]] static std::uint16_t policy_code(const Drive& drive, FailurePolicy policy) noexcept;
   [[nodiscard]] std::uint16_t controlword(std::size_t i) noexcept;
   [[nodiscard]] Cia402Command setpoint(std::size_t i,
                                        std::span<const JointCommand> commands) const noexcept;
@@ -77,6 +91,7 @@ class Cia402Host final : public BusHost {
 
   Cia402HostSettings settings_;
   HostGoal goal_ = HostGoal::kOff;
+  std::optional<FailurePolicy> policy_;  ///< none: what the drives were configured with
   std::uint32_t heartbeat_ticks_;
   std::array<Drive, kMaxDrives> drives_{};
 };

@@ -191,7 +191,9 @@ std::uint32_t VirtualCia402Drive::refusal(const Sdo& request) noexcept {
   const bool mode = request.value == 8 || request.value == 10;
   if (request.index == 0x6060 && !mode) return kSdoAbortRange;
   if (request.index == 0x6060 && state_ == Cia402State::kEnabled) return kSdoAbortState;
-  if (request.index == 0x6007 && request.value > 3) return kSdoAbortRange;
+  const bool own =
+      motor_.lower_option != 0 && static_cast<std::int16_t>(request.value) == motor_.lower_option;
+  if (request.index == 0x6007 && request.value > 3 && !own) return kSdoAbortRange;
   return 0;
 }
 
@@ -329,6 +331,7 @@ void VirtualCia402Drive::enter(Cia402State state) noexcept {
     target_rate_ = dq();
     if (objects_.value(0x605A) == 0) state = Cia402State::kSwitchOnDisabled;
   }
+  sinking_ = false;
   state_ = state;
 }
 
@@ -337,6 +340,16 @@ void VirtualCia402Drive::lose_host() noexcept {
   if (state_ != Cia402State::kEnabled && state_ != Cia402State::kQuickStop) {
     if (state_ == Cia402State::kReady || state_ == Cia402State::kSwitchedOn)
       enter(Cia402State::kSwitchOnDisabled);
+    return;
+  }
+  if (const auto code = static_cast<std::int16_t>(objects_.value(0x6007));
+      code < 0 && code == motor_.lower_option) {
+    sinking_from_ = measured_torque();
+    target_q_ = q();
+    objects_.set(0x603F, 0, kEmergencyHeartbeatLost);
+    enter(Cia402State::kFaultReaction);
+    sinking_ = true;
+    sunk_for_ = 0.0;
     return;
   }
   switch (static_cast<LostHostReaction>(objects_.value(0x6007))) {
@@ -374,13 +387,14 @@ void VirtualCia402Drive::power_cycle(double seconds) noexcept {
   state_ = Cia402State::kSwitchOnDisabled;
   controlword_ = 0;
   rpdo_length_ = 0;
-  host_heard_ = host_lost_ = false;
+  host_heard_ = host_lost_ = sinking_ = false;
   since_beat_ = 0;
   deaf_ = steps_in(seconds, step());
 }
 
 DrivePower VirtualCia402Drive::power() const noexcept {
-  if (state_ == Cia402State::kEnabled || state_ == Cia402State::kQuickStop) return DrivePower::kOn;
+  if (state_ == Cia402State::kEnabled || state_ == Cia402State::kQuickStop || sinking_)
+    return DrivePower::kOn;
   return dropped_ ? DrivePower::kDropped : DrivePower::kOff;
 }
 
@@ -396,9 +410,17 @@ double VirtualCia402Drive::torque() noexcept {
   if (state_ == Cia402State::kEnabled && objects_.value(0x6061) == 8)
     wanted = target_tau_ + hold_torque(target_q_, target_rate_);
   if (state_ == Cia402State::kQuickStop) wanted = hold_torque(target_q_, target_rate_);
+  if (sinking_) wanted = sinking_torque();
   const double given = std::clamp(wanted, -codec_.max_torque, codec_.max_torque);
   limited_ = given != wanted;
   return given;
+}
+
+/// Last torque and position loop fade to damping alone.
+double VirtualCia402Drive::sinking_torque() const noexcept {
+  const DrivesAlone law;
+  const double left = std::max(0.0, 1.0 - sunk_for_ / law.lower_time);
+  return left * (sinking_from_ + hold_torque(target_q_, 0.0)) - law.lower_damping * dq();
 }
 
 /// The ramp of a quick stop: the target goes on ever slower, then stands.
@@ -443,9 +465,15 @@ void VirtualCia402Drive::pass() noexcept {
     if (--deaf_ == 0) boot();
     return;
   }
-  if (state_ == Cia402State::kFaultReaction) enter(Cia402State::kFault);
+  if (sinking_) sunk_for_ += step();
+  const bool hosted = !host_lost_ && nmt_ == NmtState::kOperational;
+  if (state_ == Cia402State::kFaultReaction && (!sinking_ || hosted)) {
+    dropped_ = dropped_ || sinking_;
+    enter(Cia402State::kFault);
+  }
   if (state_ == Cia402State::kQuickStop) go_on_stopping();
-  const bool broken = state_ == Cia402State::kFault || state_ == Cia402State::kFaultReaction;
+  const bool broken =
+      state_ == Cia402State::kFault || (state_ == Cia402State::kFaultReaction && !sinking_);
   if (winding_.too_hot() && !broken) break_down(kDriveTooHot);
   watch_host();
   beat();

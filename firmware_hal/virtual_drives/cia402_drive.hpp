@@ -5,7 +5,9 @@
 // has mapped by SDO. Setpoints act on SYNC, on which it also answers. In cyclic torque mode the
 // torque is the target; in cyclic position mode, and to stop, it closes a position loop of its own.
 // Quick stop: from its present speed down on the ramp of 6085h, then what 605Ah says. A lost host
-// (heartbeat consumer 1016h, or NMT "stop"): emergency 8130h and what 6007h says.
+// (heartbeat consumer 1016h, or NMT "stop"): emergency 8130h and what 6007h says. The maker's own
+// code of its motor type (lower_option) lets the joint sink: see DrivesAlone, control/
+// failure_policy.hpp. It sinks as a fault reaction, which the host's return ends.
 #pragma once
 
 #include <array>
@@ -58,6 +60,7 @@ class VirtualCia402Drive final : public VirtualDrive {
   void watch_host() noexcept;
   void beat() noexcept;
   void go_on_stopping() noexcept;
+  [[nodiscard]] double sinking_torque() const noexcept;
   [[nodiscard]] std::int32_t counts() const noexcept;
   [[nodiscard]] double hold_torque(double target, double rate) const noexcept;
 
@@ -73,7 +76,10 @@ class VirtualCia402Drive final : public VirtualDrive {
   bool host_heard_ = false;
   bool host_lost_ = false;
   bool dropped_ = false;
-  bool limited_ = false;  ///< the torque is at its limit
+  bool sinking_ = false;       ///< in the fault reaction
+  double sunk_for_ = 0.0;      ///< s
+  double sinking_from_ = 0.0;  ///< N m, the torque it gave last
+  bool limited_ = false;       ///< the torque is at its limit
   std::uint32_t host_silence_ = 0;
   std::uint32_t since_beat_ = 0;
   std::uint32_t deaf_ = 0;

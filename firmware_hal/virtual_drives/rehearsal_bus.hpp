@@ -28,6 +28,12 @@ class RehearsalBus final : public MotorBus {
   [[nodiscard]] BusStatus exchange(std::span<const JointCommand> commands,
                                    std::span<JointState> states,
                                    std::int64_t deadline_ns) noexcept override;
+  [[nodiscard]] bool set_failure_policy(FailurePolicy policy) noexcept override {
+    return bus_->set_failure_policy(policy);
+  }
+  [[nodiscard]] double failure_policy_delay() const noexcept override {
+    return bus_->failure_policy_delay();
+  }
   void disable() noexcept override { bus_->disable(); }
   [[nodiscard]] BusCounters counters() const noexcept override { return bus_->counters(); }
 

@@ -204,6 +204,11 @@ class PlantBus final : public MotorBus {
     deadline_seen_ = deadline_ns;
     return BusStatus::kOk;
   }
+  bool set_failure_policy(FailurePolicy policy) noexcept override {
+    told_.emplace_back(counters_.exchanges, policy);
+    return true;
+  }
+  double failure_policy_delay() const noexcept override { return policy_delay_; }
   void disable() noexcept override { disabled_ = true; }
   BusCounters counters() const noexcept override { return counters_; }
 
@@ -212,6 +217,8 @@ class PlantBus final : public MotorBus {
   std::uint64_t down_at_ = 0, stall_at_ = 0;
   std::int64_t deadline_seen_ = 0;
   bool disabled_ = false;
+  double policy_delay_ = 0.0;
+  std::vector<std::pair<std::uint64_t, FailurePolicy>> told_;  ///< after so many exchanges
 };
 
 class Execution : public Files {
@@ -233,6 +240,28 @@ class Execution : public Files {
   Controller controller_;
   PlantBus bus_{3};
 };
+
+/// Drives that take long to be told are told the earlier.
+TEST_F(Execution, TellsTheDrivesBeforeThePhaseBegins) {
+  auto keyframes = test::smooth_keyframes(3, 41);
+  for (ImageKeyframe& k : keyframes)
+    if (k.phase == 1) k.failure_policy = static_cast<std::uint32_t>(FailurePolicy::kLower);
+  const std::vector<std::byte> image = test::make_image(3, keyframes);
+  std::vector<double> workspace(Controller::workspace_size(41));
+  std::vector<std::uint64_t> told;
+  for (const double delay : {0.0, 0.05}) {
+    Controller controller;
+    ASSERT_EQ(controller.load(config_, test::kRobotHash, image, workspace).status, LoadStatus::kOk);
+    PlantBus bus(3);
+    bus.policy_delay_ = delay;
+    ASSERT_EQ(execute(controller, bus, {}).status, TickStatus::kFinished);
+    ASSERT_GE(bus.told_.size(), 2u);
+    EXPECT_EQ(bus.told_[0], (std::pair{std::uint64_t{1}, FailurePolicy::kHold}));
+    EXPECT_EQ(bus.told_[1].second, FailurePolicy::kLower);
+    told.push_back(bus.told_[1].first);
+  }
+  EXPECT_EQ(told[0] - told[1], 50u);  // ticks
+}
 
 TEST_F(Execution, LogsEveryTickOfAFullRun) {
   RunLogWriter writer = make_log(folder_ / "run.log", false);

@@ -290,6 +290,7 @@ TEST(Controller, TellsThePolicyOfThePhaseItIsIn) {
     ASSERT_FALSE(lowers()) << rig.frame.plan_time;
   }
   rig.run(10);
+  EXPECT_EQ(rig.controller.lost_host_policy(1.1), FailurePolicy::kHold);  // of the phase to come
   while (rig.frame.plan_time < 1.995) {
     rig.tick();
     ASSERT_TRUE(lowers()) << rig.frame.plan_time;

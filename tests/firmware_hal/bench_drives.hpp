@@ -46,6 +46,7 @@ struct BenchCia402Drive {
   double commanded_q = 0.0;
   bool silent = false;
   std::uint32_t abort_index = 0;                   ///< this object is refused
+  bool deaf_to_sdo = false;
   std::map<std::uint32_t, std::uint32_t> objects;  ///< index << 8 | sub
   int enables = 0;
 
@@ -76,7 +77,7 @@ struct BenchCia402Drive {
       reply.tau = tau;
       out.push_back(encode_cia402_reply(codec, reply));
     } else if (decode_sdo(frame, sdo, request) == CodecStatus::kOk && request &&
-               sdo.node == codec.node) {
+               sdo.node == codec.node && !deaf_to_sdo) {
       out.push_back(encode_sdo(answer(sdo), false));
     }
     return out;

@@ -312,6 +312,56 @@ TEST_P(Cia402HostTest, ConfiguresAndReadsWithoutEnabling) {
   for (const CanFrame& frame : rig.log) EXPECT_FALSE(is_cia402_enable(frame));
 }
 
+/// Questions of a log that set 6007h, by drive and value.
+std::vector<std::pair<int, std::uint32_t>> policies_told(const std::vector<CanFrame>& log) {
+  std::vector<std::pair<int, std::uint32_t>> told;
+  for (const CanFrame& frame : log) {
+    Sdo sdo;
+    bool request = false;
+    if (decode_sdo(frame, sdo, request) == CodecStatus::kOk && request && sdo.index == 0x6007)
+      told.emplace_back(sdo.node, sdo.value);
+  }
+  return told;
+}
+
+TEST_P(Cia402HostTest, TellsAFailurePolicyOneDriveAfterTheOther) {
+  start();
+  turn_on();
+  rig.log.clear();
+  ASSERT_TRUE(host.set_failure_policy(FailurePolicy::kLimp));
+  rig.ticks(static_cast<int>(host.policy_ticks()));
+  EXPECT_EQ(rig.drive(0).objects[0x600700], 2u);
+  EXPECT_EQ(rig.drive(1).objects[0x600700], 2u);
+  rig.ticks(100);
+  const std::vector<std::pair<int, std::uint32_t>> once{{41, 2u}, {42, 2u}};
+  EXPECT_EQ(policies_told(rig.log), once);  // who has answered is not asked again
+  // These drives have no code of their own for it.
+  ASSERT_TRUE(host.set_failure_policy(FailurePolicy::kLower));
+  rig.ticks(static_cast<int>(host.policy_ticks()));
+  EXPECT_EQ(rig.drive(0).objects[0x600700], 3u);
+  EXPECT_TRUE(host.all_on());
+  EXPECT_EQ(host.counters().policies_refused, 0u);
+}
+
+TEST_P(Cia402HostTest, ADriveThatDoesNotAnswerIsAskedThreeTimesAndCounted) {
+  start();
+  turn_on();
+  rig.log.clear();
+  rig.drive(0).deaf_to_sdo = true;
+  ASSERT_TRUE(host.set_failure_policy(FailurePolicy::kLimp));
+  rig.ticks(100);
+  const auto told = policies_told(rig.log);
+  EXPECT_EQ(std::count_if(told.begin(), told.end(), [](auto& t) { return t.first == 41; }), 3);
+  EXPECT_EQ(rig.drive(1).objects[0x600700], 2u);
+  EXPECT_EQ(host.counters().policies_refused, 1u);
+  EXPECT_TRUE(host.all_on());
+  // The next policy is a new question.
+  rig.drive(0).deaf_to_sdo = false;
+  ASSERT_TRUE(host.set_failure_policy(FailurePolicy::kHold));
+  rig.ticks(100);
+  EXPECT_EQ(rig.drive(0).objects[0x600700], 3u);
+}
+
 TEST_P(Cia402HostTest, EnablesStepByStepAndPassesCommands) {
   start();
   rig.commands[1] = {0.4, 0.0, 0.0, 0.0, 12.0};

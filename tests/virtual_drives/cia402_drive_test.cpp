@@ -19,11 +19,12 @@ class Cia402DriveTest : public testing::TestWithParam<Cia402Mode> {
     EXPECT_TRUE(host.add_drive(codec(), {}, 0.2));
   }
   static Cia402HostSettings settings() { return {kStep, 0.02, 1, LostHostReaction::kQuickStop}; }
-  static Cia402Drive codec() { return {kNode, GetParam(), 1e5, 0.02, 54.0}; }
+  static Cia402Drive codec() { return {kNode, GetParam(), 1e5, 0.02, 54.0, -1}; }
   static Cia402Motor motor() {
     Cia402Motor m;
     m.rated_torque = 20;
     m.gear_ratio = 100;
+    m.lower_option = -1;
     return m;
   }
 
@@ -201,6 +202,43 @@ TEST_P(LostHost, QuickStop) {
   const double q = plant.joint(0).q;
   tick(1000);
   EXPECT_NEAR(plant.joint(0).q, q, 0.01);
+}
+/// Sinks under its load, slower than a limp joint by far, and lets go when its host is back.
+TEST_P(LostHost, Lower) {
+  turn_on();
+  plant.joint(0).load = 5.0;
+  commands[0].tau = -5.0;
+  ASSERT_TRUE(host.set_failure_policy(FailurePolicy::kLower));
+  tick(static_cast<int>(host.policy_ticks()));
+  EXPECT_EQ(static_cast<std::int16_t>(drive.objects().value(0x6007)), -1);
+  EXPECT_EQ(host.counters().policies_refused, 0u);
+  connected = false;
+  tick(60);
+  EXPECT_EQ(drive.power(), DrivePower::kOn);
+  const double q = plant.joint(0).q;
+  double fastest = 0.0;
+  for (int i = 0; i < 4000; ++i) {
+    tick();
+    fastest = std::max(fastest, std::abs(plant.joint(0).dq));
+  }
+  EXPECT_GT(std::abs(plant.joint(0).q - q), 0.05);
+  EXPECT_LT(fastest, 0.2);  // 5 N m against a damping of 40 N m s/rad
+  EXPECT_EQ(drive.state(), Cia402State::kFaultReaction);
+  connected = true;
+  tick(25);
+  EXPECT_EQ(drive.state(), Cia402State::kFault);
+  EXPECT_EQ(drive.torque(), 0.0);
+}
+TEST_P(LostHost, TheLastPolicyToldCounts) {
+  turn_on();
+  for (const auto& [policy, code] :
+       {std::pair{FailurePolicy::kLower, -1}, std::pair{FailurePolicy::kLimp, 2},
+        std::pair{FailurePolicy::kHold, 3}}) {
+    ASSERT_TRUE(host.set_failure_policy(policy));
+    tick(static_cast<int>(host.policy_ticks()));
+    EXPECT_EQ(static_cast<std::int16_t>(drive.objects().value(0x6007)), code);
+  }
+  EXPECT_EQ(drive.state(), Cia402State::kEnabled);
 }
 TEST_P(LostHost, StoppedNode) {
   turn_on();

@@ -127,8 +127,8 @@ or its first drive, stays for 300 ticks of 1 ms, and everything is watched as lo
 
 Limp is what an MIT drive does without its host, and nothing in its protocol changes that: its
 watchdog (here 0.1 s) bounds how long it goes on with the last setpoint. CiA 402 drives with
-`lost_host: quick_stop` hold. A robot that hangs on its drives wants the latter, or a watchdog that
-holds.
+`lost_host: quick_stop` hold; while a plan runs they do what it says for the phase. A robot that hangs on
+its drives wants the latter, or a watchdog that holds.
 )";
 
 std::string pair(int measured, int allowed) {
