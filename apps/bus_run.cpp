@@ -37,6 +37,13 @@ class WatchedBus final : public MotorBus {
     }
     return status;
   }
+  [[nodiscard]] bool set_failure_policy(FailurePolicy policy) noexcept override {
+    return bus_.set_failure_policy(policy);
+  }
+  [[nodiscard]] double failure_policy_delay() const noexcept override {
+    return bus_.failure_policy_delay();
+  }
+  void set_give_up(GiveUp asked) override { bus_.set_give_up(std::move(asked)); }
   void disable() noexcept override { bus_.disable(); }
   [[nodiscard]] BusCounters counters() const noexcept override { return bus_.counters(); }
 

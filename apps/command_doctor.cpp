@@ -152,8 +152,8 @@ void run(const Options& options) {
   else
     print(findings);
   if (!ready)
-    throw JobFailed("not ready: problems: " + std::to_string(problems) + ", advice: " +
-                    std::to_string(advice));
+    throw JobFailed("not ready: problems: " + std::to_string(problems) +
+                    ", advice: " + std::to_string(advice));
 }
 
 }  // namespace

@@ -85,8 +85,7 @@ class Loop {
 
   void run_paced() {
     guards_.install(options_.bus_calls);
-    if (!wait_for_operator()) return;
-    enable();
+    if (!switch_on()) return;
     grid_.begin();
     if (report_.bus != BusStatus::kDown)
       report_.bus = bus_.exchange(commands_, states_, grid_.deadline());
@@ -97,8 +96,7 @@ class Loop {
   }
 
   void run_free() {
-    if (!wait_for_operator()) return;
-    enable();
+    if (!switch_on()) return;
     // The first states are asked for with commands that ask nothing of the drives.
     if (report_.bus != BusStatus::kDown) report_.bus = bus_.exchange(commands_, states_, 0);
     while (report_.bus != BusStatus::kDown && tick() == Next::kContinue) {
@@ -126,10 +124,18 @@ class Loop {
     return true;
   }
 
-  void enable() {
-    start_ = now_ns();
-    report_.bus = bus_.enable();
+  /// Waits for the operator and enables the drives, again after an e-stop meanwhile. False: the run
+  /// is to end before it began.
+  bool switch_on() {
+    bus_.set_give_up([this] { return stop_asked() || seat_.stopped_while_enabling(); });
+    do {
+      if (!wait_for_operator()) return false;
+      start_ = now_ns();
+      report_.bus = bus_.enable();
+    } while (report_.bus == BusStatus::kDown && seat_.stopped());
+    report_.stopped = stop_asked();
     seat_.begin();
+    return true;
   }
 
   void disable() noexcept {

@@ -97,6 +97,21 @@ bool OperatorSeat::armed() noexcept {
   return false;
 }
 
+bool OperatorSeat::stopped_while_enabling() noexcept {
+  OperatorRequest next;
+  while (desk_ != nullptr && desk_->requests.take(next)) {
+    if (next.command != OperatorCommand::kEstop) {
+      answer(next.id, false, "not while ", "the drives are being switched on");
+      continue;
+    }
+    stopped_ = true;
+    publish({Mode::kFault, FaultCode::kEstop});
+    answer(false, "fault, to be acknowledged first: ", to_string(FaultCode::kEstop));
+    answer(next.id, true, "", "");
+  }
+  return stopped_;
+}
+
 void OperatorSeat::begin() noexcept {
   before_ = controller_.supervision();
   controller_.request(OperatorCommand::kArm);
@@ -141,9 +156,14 @@ void OperatorSeat::decide(SupervisorState now) noexcept {
 }
 
 void OperatorSeat::answer(bool done, const char* reason, const char* detail) noexcept {
-  // The server never waits for more answers than it has asked questions.
-  (void)desk_->answers.put({request_.id, done, done ? "" : reason, done ? "" : detail});
+  answer(request_.id, done, done ? "" : reason, done ? "" : detail);
   request_ = {};
+}
+
+void OperatorSeat::answer(std::uint64_t id, bool done, const char* reason,
+                          const char* detail) noexcept {
+  // The server never waits for more answers than it has asked questions.
+  (void)desk_->answers.put({id, done, reason, detail});
 }
 
 void OperatorSeat::publish(SupervisorState now) noexcept {

@@ -20,6 +20,11 @@ class OperatorSeat {
 
   /// Before the drives are switched on: true once the operator has said `arm`. Answers all else.
   [[nodiscard]] bool armed() noexcept;
+  /// While the drives are being switched on, which only an e-stop ends. True: it has, until it is
+  /// acknowledged. Answers all else.
+  bool stopped_while_enabling() noexcept;
+  /// By an e-stop before the drives were on, not acknowledged yet.
+  [[nodiscard]] bool stopped() const noexcept { return stopped_; }
   /// The drives are on: what was said before goes to the controller.
   void begin() noexcept;
   void before_tick() noexcept;
@@ -29,6 +34,7 @@ class OperatorSeat {
 
  private:
   void answer(bool done, const char* reason = "", const char* detail = "") noexcept;
+  void answer(std::uint64_t id, bool done, const char* reason, const char* detail) noexcept;
   void decide(SupervisorState now) noexcept;
   void publish(SupervisorState now) noexcept;
 

@@ -240,6 +240,7 @@ bool CanMotorBus::greet_partner() noexcept {
     clock_.wait(next);
     for (Segment& segment : segments())
       greeted[index_of(segment)] |= answers_greeting(*segment.port);
+    if (given_up()) return false;
     const auto silent = std::find(greeted.begin(), greeted.begin() + index(count_), false);
     if (silent == greeted.begin() + index(count_)) return true;
     trouble_.bus = static_cast<std::size_t>(silent - greeted.begin());
@@ -264,8 +265,7 @@ bool CanMotorBus::answers_greeting(FramePort& port) noexcept {
 bool CanMotorBus::read_all_joints() noexcept {
   int read_ticks = 0;
   for (std::uint64_t i = ticks(settings_.start_patience); i > 0; --i) {
-    if (own_tick() == BusStatus::kDown) return false;
-    if (find_fault()) return false;
+    if (own_tick() == BusStatus::kDown || find_fault() || given_up()) return false;
     bool all = true;
     for (Segment& segment : segments())
       for (std::size_t d = 0; d < segment.host->size(); ++d) {
@@ -289,7 +289,7 @@ bool CanMotorBus::enable_all() noexcept {
   set_goal(HostGoal::kOn);
   for (std::uint64_t i = ticks(settings_.start_patience); i > 0; --i) {
     hold_position();
-    if (own_tick() == BusStatus::kDown || find_fault()) return false;
+    if (own_tick() == BusStatus::kDown || find_fault() || given_up()) return false;
     if (std::all_of(segments_.begin(), segments_.begin() + index(count_),
                     [](const Segment& segment) { return segment.host->all_on(); }))
       return true;
@@ -311,6 +311,12 @@ bool CanMotorBus::find_fault() noexcept {
         return true;
       }
   return false;
+}
+
+bool CanMotorBus::given_up() noexcept {
+  if (!give_up_ || !give_up_()) return false;
+  trouble_ = {.what = BusTrouble::kGivenUp, .bus = 0, .joint = -1, .link = {}};
+  return true;
 }
 
 /// Commands that ask for nothing: no torque, and of a drive in a position mode to stay.

@@ -57,6 +57,7 @@ enum class BusTrouble : std::uint8_t {
   kNotEnabled,   ///< enable(): in time; see the drive's LinkStatus
   kNoBus,        ///< every bus is down or bus-off
   kNoPartner,    ///< lock step: the drives do not answer
+  kGivenUp,      ///< enable(): whoever wanted it wants it no more
 };
 
 struct BusTroubleReport {
@@ -84,6 +85,7 @@ class CanMotorBus final : public MotorBus {
   /// Reads every joint without torque first; only then switches on. kDown: see trouble(); the
   /// drives are off again then.
   [[nodiscard]] BusStatus enable() noexcept override;
+  void set_give_up(GiveUp asked) override { give_up_ = std::move(asked); }
   /// kLate: some joint gave no reply (its state says so). kDown: see trouble(). The first call
   /// after enable() passes no commands on: drives hold still, in position modes where they are.
   [[nodiscard]] BusStatus exchange(std::span<const JointCommand> commands,
@@ -135,6 +137,7 @@ class CanMotorBus final : public MotorBus {
   [[nodiscard]] bool read_all_joints() noexcept;
   [[nodiscard]] bool enable_all() noexcept;
   [[nodiscard]] bool find_fault() noexcept;
+  [[nodiscard]] bool given_up() noexcept;
   [[nodiscard]] bool any_on() noexcept;
   void hold_position() noexcept;
   [[nodiscard]] std::size_t index_of(const Segment& segment) const noexcept {
@@ -143,6 +146,7 @@ class CanMotorBus final : public MotorBus {
   [[nodiscard]] std::uint64_t ticks(double seconds) const noexcept;
 
   CanBusSettings settings_;
+  GiveUp give_up_;
   PortClock& clock_;
   std::array<Segment, kMaxBuses> segments_{};
   std::size_t count_ = 0;

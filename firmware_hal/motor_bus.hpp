@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <span>
 
 #include "control/failure_policy.hpp"
@@ -20,6 +21,8 @@ struct BusCounters {
 
 class MotorBus {
  public:
+  using GiveUp = std::function<bool()>;
+
   MotorBus() = default;
   MotorBus(const MotorBus&) = delete;
   MotorBus& operator=(const MotorBus&) = delete;
@@ -27,8 +30,11 @@ class MotorBus {
 
   /// Number of joints; commands and states are in the robot model's joint order.
   [[nodiscard]] virtual int joint_count() const noexcept = 0;
-  /// Switches the drives on (start-up thread).
+  /// Switches the drives on. Takes as long as they do.
   [[nodiscard]] virtual BusStatus enable() = 0;
+  /// What enable() asks about once a tick while it waits: true, and it switches off what is on and
+  /// returns kDown. A bus whose drives are on at once need not ask.
+  virtual void set_give_up(GiveUp /*asked*/) {}
   /// Sends all commands and fills all states; returns by `deadline_ns` (CLOCK_MONOTONIC; 0: none).
   [[nodiscard]] virtual BusStatus exchange(std::span<const JointCommand> commands,
                                            std::span<JointState> states,

@@ -72,6 +72,8 @@ std::string SocketCanBus::trouble() const {
       return where +
              ": nobody answers in lock step: start `clamber drives` with the same bus map and in "
              "lock step, or run in real time";
+    case BusTrouble::kGivenUp:
+      return map_.file + ": stopped while the drives were being switched on; they are off";
   }
   return {};
 }

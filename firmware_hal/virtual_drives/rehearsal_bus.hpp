@@ -34,6 +34,7 @@ class RehearsalBus final : public MotorBus {
   [[nodiscard]] double failure_policy_delay() const noexcept override {
     return bus_->failure_policy_delay();
   }
+  void set_give_up(GiveUp asked) override { bus_->set_give_up(std::move(asked)); }
   void disable() noexcept override { bus_->disable(); }
   [[nodiscard]] BusCounters counters() const noexcept override { return bus_->counters(); }
 

@@ -357,6 +357,40 @@ TEST_F(OperatedRun, ExecutesThePlanToItsEnd) {
   EXPECT_FALSE(report_.stopped);
 }
 
+TEST_F(OperatedRun, AnEstopEndsTheSwitchingOnOfDrives) {
+  bus_.slow_to_enable = true;
+  start_run();
+  std::thread arms([this] { EXPECT_THAT(say("arm"), HasSubstr("refused fault, to be ack")); });
+  while (bus_.enabled == 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  EXPECT_EQ(say("start"), "refused not while the drives are being switched on");
+  EXPECT_EQ(say("estop"), "done");
+  arms.join();
+  EXPECT_EQ(state(), "fault");
+  EXPECT_THAT(say("arm"), HasSubstr("refused fault, to be acknowledged first: emergency stop"));
+  EXPECT_EQ(bus_.enabled, 1);
+  bus_.slow_to_enable = false;
+  EXPECT_EQ(say("ack"), "done");
+  EXPECT_EQ(say("arm"), "done");
+  EXPECT_EQ(bus_.enabled, 2);
+  EXPECT_EQ(state(), "ready");
+}
+
+TEST_F(OperatedRun, TheSwitchingOnOfDrivesDoesNotOutlastTheRun) {
+  bus_.slow_to_enable = true;
+  start_run();
+  std::thread arms([this] {
+    // Nobody is left to answer.
+    EXPECT_THROW((void)say("arm"), std::exception);
+  });
+  while (bus_.enabled == 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  end_run();
+  server_.reset();
+  arms.join();
+  EXPECT_EQ(report_.bus, BusStatus::kDown);
+  EXPECT_TRUE(report_.stopped);
+  EXPECT_EQ(report_.ticks, 0u);
+}
+
 /// Connections, garbage, half lines, endless lines, questions, until killed.
 [[noreturn]] void be_hostile(const std::string& path) {
   std::mt19937 random(3);

@@ -4,6 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <thread>
 #include <vector>
 
 #include "firmware_hal/motor_bus.hpp"
@@ -18,8 +21,13 @@ class StillBus : public MotorBus {
   int joint_count() const noexcept override { return static_cast<int>(robot_.plants.size()); }
   BusStatus enable() override {
     ++enabled;
+    while (slow_to_enable) {
+      if (give_up_ && give_up_()) return BusStatus::kDown;
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
     return BusStatus::kOk;
   }
+  void set_give_up(GiveUp asked) override { give_up_ = std::move(asked); }
   BusStatus exchange(std::span<const JointCommand> commands, std::span<JointState> states,
                      std::int64_t /*deadline_ns*/) noexcept override {
     std::copy(commands.begin(), commands.end(), robot_.commands.begin());
@@ -32,9 +40,11 @@ class StillBus : public MotorBus {
   BusCounters counters() const noexcept override { return {}; }
 
   void (*misbehave)() = nullptr;
-  int enabled = 0;
+  std::atomic<int> enabled = 0;
+  std::atomic<bool> slow_to_enable = false;  ///< for as long as it is true
 
  private:
+  GiveUp give_up_;
   PlantRobot robot_;
   int exchanges_ = 0;
 };

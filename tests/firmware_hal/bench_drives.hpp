@@ -45,7 +45,7 @@ struct BenchCia402Drive {
   double tau = 0.0;
   double commanded_q = 0.0;
   bool silent = false;
-  std::uint32_t abort_index = 0;                   ///< this object is refused
+  std::uint32_t abort_index = 0;  ///< this object is refused
   bool deaf_to_sdo = false;
   std::map<std::uint32_t, std::uint32_t> objects;  ///< index << 8 | sub
   int enables = 0;

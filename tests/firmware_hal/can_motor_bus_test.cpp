@@ -120,6 +120,24 @@ TEST_F(CanMotorBusTest, ADriveWithAFaultIsNamedAndAllAreOffAgain) {
   for (const test::BenchMitDrive& drive : drives) EXPECT_FALSE(drive.enabled);
 }
 
+/// At any tick of the switching on, whoever asked for it may think again.
+TEST_F(CanMotorBusTest, GivingUpLeavesEveryDriveOff) {
+  for (int after = 1; after <= 10; ++after) {
+    int asked = 0;
+    bus->set_give_up([&] { return ++asked >= after; });
+    const BusStatus status = bus->enable();
+    if (asked < after) {  // on before that
+      EXPECT_EQ(status, BusStatus::kOk);
+      EXPECT_GT(after, 5);
+      return;
+    }
+    EXPECT_EQ(status, BusStatus::kDown);
+    EXPECT_EQ(bus->trouble().what, BusTrouble::kGivenUp);
+    for (const test::BenchMitDrive& drive : drives) EXPECT_FALSE(drive.enabled) << after;
+  }
+  FAIL() << "never switched on";
+}
+
 TEST_F(CanMotorBusTest, AMissingReplyMakesItsJointStale) {
   ASSERT_EQ(bus->enable(), BusStatus::kOk);
   tick();
