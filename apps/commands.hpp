@@ -19,6 +19,7 @@ void add_run_command(CLI::App& app);
 void add_monitor_command(CLI::App& app);
 void add_replay_command(CLI::App& app);
 void add_report_command(CLI::App& app);
+void add_export_command(CLI::App& app);
 void add_operator_commands(CLI::App& app);  ///< arm, start, ...
 void add_bus_command(CLI::App& app);
 void add_drives_command(CLI::App& app);

@@ -64,6 +64,7 @@ int run(int argc, char** argv) {
   clamber::add_cases_command(app);
   clamber::add_replay_command(app);
   clamber::add_report_command(app);
+  clamber::add_export_command(app);
   clamber::add_bus_command(app);
   clamber::add_drives_command(app);
   clamber::add_doctor_command(app);

@@ -28,6 +28,8 @@ std::vector<std::string> joint_names(const RobotModel& model) {
   return names;
 }
 
+}  // namespace
+
 TelemetryDescription description_of(const RobotModel& model) {
   TelemetryDescription description;
   description.joint_names = joint_names(model);
@@ -36,8 +38,6 @@ TelemetryDescription description_of(const RobotModel& model) {
     description.contact_names.push_back(contact.name);
   return description;
 }
-
-}  // namespace
 
 LoadedController::LoadedController(const RobotModel& model, const ControllerConfig& config,
                                    std::span<const std::byte> image)

@@ -63,6 +63,9 @@ class RunOperator {
   OperatorServer server_;
 };
 
+/// What a subscriber is told about the robot's frames.
+[[nodiscard]] TelemetryDescription description_of(const RobotModel& model);
+
 /// Ring and publisher; constructed before the run, finished after it.
 class RunTelemetry {
  public:

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "recording/measured_configuration.hpp"
 #include "robot_model/model.hpp"
 #include "sim_backend/scenario.hpp"
 #include "telemetry/frame.hpp"
@@ -18,9 +19,6 @@ struct RunData {
   Scenario scenario;
   std::vector<TelemetryFrame> frames;  ///< in time order, usually 1 kHz
 };
-
-/// The frame's measured configuration; the base is identity when the frame carries no truth.
-[[nodiscard]] Configuration measured_configuration(const TelemetryFrame& frame);
 
 /// Indices of `count` frames, the first and the last among them, spaced by how far the robot moves
 /// (joints and base), not by the clock: a sequence of pictures then skips the pauses.
