@@ -7,8 +7,10 @@
 #include "planner_offline/contacts/contact_sequence.hpp"
 #include "planner_offline/plan.hpp"
 #include "report/report.hpp"
+#include "report/scene_json.hpp"
 #include "robot_model/loader.hpp"
 #include "robot_model/read_file.hpp"
+#include "web/page.hpp"
 
 namespace clamber {
 namespace {
@@ -109,6 +111,25 @@ ContactTable table_of(const std::vector<ContactState>& states) {
   return table;
 }
 
+/// The climb to look at in the browser. False where the program has no page.
+bool write_climb_page(const ReportInput& input, const OutFolder& out) {
+  std::vector<std::string> phases;
+  for (const Phase& phase : input.plan.phases) phases.push_back(phase.name);
+  const RunData& climb = input.climb;
+  const std::string page =
+      web_page_with_run({.name = climb.model.name + ", " + climb.scenario.name,
+                         .scene = scene_json(climb.model, climb.scenario, phases),
+                         .joints = climb.model.joints.size(),
+                         .contacts = climb.model.contacts.size(),
+                         .next = [&climb, i = std::size_t{0}](TelemetryFrame& frame) mutable {
+                           if (i == climb.frames.size()) return false;
+                           frame = climb.frames[i++];
+                           return true;
+                         }});
+  if (!page.empty()) write_text((out.path() / "climb.html").string(), page);
+  return !page.empty();
+}
+
 }  // namespace
 
 void OutFolder::prepare() const {
@@ -118,7 +139,7 @@ void OutFolder::prepare() const {
   for (const char* name :
        {"motion.csv", "contacts.yaml", "plan.json", "plan.cert", "plan.img", "trajectory.csv",
         "costs.csv", "rejected.txt", "climb.log", "playback.log", "summary.json", "report.html",
-        "climb.png", "playback.png", "torque.svg"})
+        "climb.html", "climb.png", "playback.png", "torque.svg"})
     fs::remove(folder_ / name, error);
 }
 
@@ -161,6 +182,7 @@ Summary write_report_of(const OutFolder& out, const RobotModel& model, const Sce
   input.reduced_contacts = table_of(contacts.reduced);
   input.environment = environment();
   measure_peaks(input.climb, input.playback ? &*input.playback : nullptr, input.summary);
+  if (write_climb_page(input, out)) input.viewer = "climb.html";
   write_report(input, out.path());
   return input.summary;
 }

@@ -7,7 +7,9 @@
 #include "apps/out_folder.hpp"
 #include "apps/run_log.hpp"
 #include "apps/run_support.hpp"
+#include "planner_offline/plan.hpp"
 #include "recording/run_reader.hpp"
+#include "report/scene_json.hpp"
 #include "robot_model/loader.hpp"
 #include "robot_model/read_file.hpp"
 
@@ -32,6 +34,16 @@ ClimbInputs inputs_of(const fs::path& log, const RunSourceOptions& options) {
   return inputs;
 }
 
+/// Names of the phases where the plan that was executed lies beside its log.
+std::vector<std::string> phases_beside(const fs::path& log) {
+  const OutFolder folder(log.parent_path());
+  std::error_code error;
+  std::vector<std::string> names;
+  if (!fs::exists(folder.plan(), error)) return names;
+  for (const Phase& phase : load_plan(folder.plan()).phases) names.push_back(phase.name);
+  return names;
+}
+
 RunSource open_log(const fs::path& file, const RunSourceOptions& options) {
   const ClimbInputs inputs = inputs_of(file, options);
   RunSource source;
@@ -41,7 +53,9 @@ RunSource open_log(const fs::path& file, const RunSourceOptions& options) {
     throw InputError(file.string() + ": run of robot '" + log->header.robot + "' as it was when " +
                      "the run was made, not as " + inputs.robot.robot + " is now (see --robot)");
   source.run = {
-      .robot = source.model->name, .telemetry = description_of(*source.model), .scene = {}};
+      .robot = source.model->name,
+      .telemetry = description_of(*source.model),
+      .scene = scene_json(*source.model, load_scenario(inputs.scenario), phases_beside(file))};
   source.next = [log, i = std::size_t{0}](TelemetryFrame& frame) mutable {
     if (i == log->frames.size()) return false;
     frame = log->frames[i++];

@@ -250,15 +250,24 @@ std::string strip(const std::vector<Picture>& pictures, const std::string& what,
   return out + "</div>\n";
 }
 
+std::string viewer_link(const ReportInput& input) {
+  if (input.viewer.empty()) return {};
+  const std::string file = escape_markup(input.viewer);
+  return "<p><a href=\"" + file +
+         "\">The climb in three dimensions</a>, to play and to look at from all sides, with every "
+         "joint's torque over time.</p>\n";
+}
+
 std::string climb_pictures(const ReportInput& input, const ReportPictures& pictures) {
   std::string out = heading("The climb");
   if (pictures.climb.empty()) {
-    return out + paragraph("There are no pictures: " + pictures.problem + ".");
+    return out + viewer_link(input) + paragraph("There are no pictures: " + pictures.problem + ".");
   }
   out += paragraph(
       "Moments chosen by how much the robot moved (paper Fig. 6). Left limbs are blue, "
       "right limbs orange, contact points dark. Green arrows: forces from the obstacle; "
       "violet: from the floor. Floor squares are 0.25 m.");
+  out += viewer_link(input);
   return out + strip(pictures.climb, input.climb.label) +
          strip(pictures.final_view, "End of the climb, from the left", "end");
 }

@@ -54,6 +54,7 @@ struct ReportInput {
   Summary summary;
   CertificateTable certificate;
   NamedValues counters;     ///< telemetry and DDS: frames published, dropped ...
+  std::string viewer;       ///< file beside the report that shows the climb in 3D, or ""
   NamedValues environment;  ///< versions of tool, libraries, compiler, system
 };
 

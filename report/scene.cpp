@@ -85,23 +85,6 @@ double vertical_reach(const Geom& geom, const Pose& X_WG) {
   return geom.radius + 0.5 * geom.length * up.z() + geom.half_extents.dot(up);
 }
 
-// The extent of the home posture along z.
-double standing_height(const RobotModel& model) {
-  RobotData data;
-  Configuration home;
-  home.q = model.home;
-  forward_kinematics(model, home, data);
-  double low = std::numeric_limits<double>::max();
-  double high = std::numeric_limits<double>::lowest();
-  for (const Geom& geom : model.geoms) {
-    const Pose X_WG = data.X_WB[static_cast<std::size_t>(geom.body)] * geom.X_BG;
-    const double reach = vertical_reach(geom, X_WG);
-    low = std::min(low, X_WG.p.z() - reach);
-    high = std::max(high, X_WG.p.z() + reach);
-  }
-  return std::max(0.3, high - low);
-}
-
 // Corners of the room the standing robot takes and of the box, as far as the robot reaches on it.
 std::vector<Eigen::Vector3d> points_to_show(const Scenario& scenario, double height) {
   std::vector<Eigen::Vector3d> points;
@@ -161,6 +144,22 @@ Camera fit_camera(const std::vector<Eigen::Vector3d>& points, const Eigen::Vecto
 }
 
 }  // namespace
+
+double standing_height(const RobotModel& model) {
+  RobotData data;
+  Configuration home;
+  home.q = model.home;
+  forward_kinematics(model, home, data);
+  double low = std::numeric_limits<double>::max();
+  double high = std::numeric_limits<double>::lowest();
+  for (const Geom& geom : model.geoms) {
+    const Pose X_WG = data.X_WB[static_cast<std::size_t>(geom.body)] * geom.X_BG;
+    const double reach = vertical_reach(geom, X_WG);
+    low = std::min(low, X_WG.p.z() - reach);
+    high = std::max(high, X_WG.p.z() + reach);
+  }
+  return std::max(0.3, high - low);
+}
 
 Camera make_camera(const Scenario& scenario, const RobotModel& model, View view) {
   const double azimuth = scenario.start_yaw + (view == View::kSide ? 1.5708 : 1.9);

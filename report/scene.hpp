@@ -50,6 +50,9 @@ struct Camera {
 /// kSide: from the left, level.
 enum class View { kThreeQuarter, kSide };
 
+/// The extent of the home posture along z, m.
+[[nodiscard]] double standing_height(const RobotModel& model);
+
 /// A camera that holds the standing robot and the box it climbs, whatever happens in between.
 [[nodiscard]] Camera make_camera(const Scenario& scenario, const RobotModel& model, View view);
 
