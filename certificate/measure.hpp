@@ -107,6 +107,8 @@ class Measure {
   void measure_height_and_start(TouchMask mask, Measured& out) const noexcept;
   void measure_tilt(Measured& out) const noexcept;
   void measure_masses(TouchMask mask, PointForces forces, Measured& out) const noexcept;
+  [[nodiscard]] double mass_held(TouchMask mask, PointForces forces,
+                                 double (*weighting)(double slack)) const noexcept;
   [[nodiscard]] double start_displacement(const Eigen::Vector3d& p, double reach) const noexcept;
   [[nodiscard]] Eigen::Vector2d zero_moment_point() const noexcept;
   [[nodiscard]] double edge_distance(const Eigen::Vector3d& p, int surface) const noexcept;

@@ -126,16 +126,24 @@ void Measure::measure_tilt(Measured& out) const noexcept {
       out.value[Quantity::kTiltHeld] - std::atan((margin - lost) / (height + lost));
 }
 
-/// Each mass wrong by its own share s_b, |s_b| <= s. The contacts take the changed weight up by the
-/// least change weighted by what is left of their cones; this is linear in every s_b, so the worst
-/// of all combinations is the sum of what each does. One such answer within cones and limits proves
-/// that the changed robot can be held.
+/// One answer of the contacts within cones and limits proves that the changed robot can be held, so
+/// the better of two counts. Weighting by the square spares a foot that is nearly unloaded.
 void Measure::measure_masses(TouchMask mask, PointForces forces, Measured& out) const noexcept {
+  out.value[Quantity::kMassHeld] =
+      std::max(mass_held(mask, forces, [](double slack) { return slack; }),
+               mass_held(mask, forces, [](double slack) { return slack * slack; }));
+}
+
+/// Each mass wrong by its own share s_b, |s_b| <= s. The contacts take the changed weight up by the
+/// least change weighted by a function of what is left of their cones; this is linear in every s_b,
+/// so the worst of all combinations is the sum of what each does.
+double Measure::mass_held(TouchMask mask, PointForces forces,
+                          double (*weighting)(double slack)) const noexcept {
   using Matrix6 = Eigen::Matrix<double, 6, 6>;
   using Columns = Eigen::Matrix<double, 3, 6>;
   constexpr std::size_t kMostPoints = 64;
   std::array<Eigen::Vector3d, kMostPoints> at;
-  std::array<double, kMostPoints> slack{};
+  std::array<double, kMostPoints> slack{}, willing{};
   std::array<std::size_t, kMostPoints> body{};
   std::size_t count = 0;
   Matrix6 A = Matrix6::Zero();
@@ -152,12 +160,12 @@ void Measure::measure_masses(TouchMask mask, PointForces forces, Measured& out) 
     slack[n] = friction_ * forces[n].z() - forces[n].head<2>().norm();
     if (slack[n] < kCarries) slack[n] = 0.0;
     const auto G = moment_arm(at[n]);
-    A += slack[n] * G * G.transpose();
+    willing[n] = weighting(slack[n]);
+    A += willing[n] * G * G.transpose();
     count = n + 1;
   });
-  out.value[Quantity::kMassHeld] = 0.0;
   const Eigen::LDLT<Matrix6> inverse(A);
-  if (count == 0 || inverse.info() != Eigen::Success || inverse.rcond() < 1e-12) return;
+  if (count == 0 || inverse.info() != Eigen::Success || inverse.rcond() < 1e-12) return 0.0;
   // Change of every force per unit of wrench that is to be carried, and of the joints' torques.
   std::array<Columns, kMostPoints> answer;
   Eigen::Matrix<double, Eigen::Dynamic, 6, 0, kMaxJoints, 6> torque(model_.joint_count(), 6);
@@ -167,7 +175,7 @@ void Measure::measure_masses(TouchMask mask, PointForces forces, Measured& out) 
   };
   const Matrix6 solved = inverse.solve(Matrix6::Identity());
   for (std::size_t n = 0; n < count; ++n) {
-    answer[n] = -slack[n] * moment_arm(at[n]).transpose() * solved;
+    answer[n] = -willing[n] * moment_arm(at[n]).transpose() * solved;
     each_joint_to(body[n], [&](std::size_t b) {
       torque.row(static_cast<Eigen::Index>(b) - 1) -=
           data_.axis_W[b].cross(at[n] - data_.X_WB[b].p).transpose() * answer[n];
@@ -197,7 +205,7 @@ void Measure::measure_masses(TouchMask mask, PointForces forces, Measured& out) 
                         std::max(torque_change[j], kNothing));
   for (std::size_t n = 0; n < count; ++n)
     if (slack[n] > 0.0) held = std::min(held, slack[n] / std::max(cone_change[n], kNothing));
-  out.value[Quantity::kMassHeld] = held;
+  return held;
 }
 
 }  // namespace clamber
