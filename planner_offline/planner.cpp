@@ -320,15 +320,21 @@ std::string no_climb_with(const char* what, double metres) {
 }
 
 /// From the room that the uncertainty asks for to what a certificate just allows.
-std::vector<Try> tries(const PlannerSettings& settings) {
+std::vector<Try> tries(PlannerSettings settings) {
   std::vector<Try> out;
-  for (const double wide : settings.search.wide_clearances) {
-    if (wide <= settings.clearance.obstacle) continue;
-    out.push_back({settings, no_climb_with("clearance", wide)});
-    out.back().settings.clearance.obstacle = wide;
+  const auto add_wide = [&](std::string failed) -> PlannerSettings& {
+    out.push_back({settings, std::move(failed)});
     out.back().settings.search.most_attempts =
         std::min(settings.search.wide_attempts, settings.search.most_attempts);
+    return out.back().settings;
+  };
+  if (settings.clearance.elsewhere.any()) {
+    add_wide("No climb with room for an obstacle that is elsewhere.");
+    settings.clearance.elsewhere = {};
   }
+  for (const double wide : settings.search.wide_clearances)
+    if (wide > settings.clearance.obstacle)
+      add_wide(no_climb_with("clearance", wide)).clearance.obstacle = wide;
   out.push_back({settings, no_climb_with("support margin", settings.search.support_margin)});
   if (settings.search.tight_margin < settings.search.support_margin) {
     out.push_back({settings, ""});

@@ -90,6 +90,10 @@ void read_keys(Section& section, ClearanceSettings& clearance) {
   section.non_negative("lying", clearance.lying);
   section.non_negative("landing", clearance.landing);
   section.non_negative("self", clearance.self);
+  section.non_negative("start_position", clearance.elsewhere.position);
+  section.non_negative("start_yaw", clearance.elsewhere.yaw);
+  section.non_negative("obstacle_height", clearance.elsewhere.height);
+  section.non_negative("spare", clearance.spare);
   section.positive("activation", clearance.activation);
 }
 

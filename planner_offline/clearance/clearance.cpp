@@ -1,6 +1,7 @@
 #include "planner_offline/clearance/clearance.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <utility>
 
@@ -42,7 +43,10 @@ void append(Inequalities& rows, const Eigen::RowVectorXd& C, double d) {
 
 Clearance::Clearance(const RobotModel& model, const Scenario& scenario,
                      const ClearanceSettings& settings)
-    : model_(model), settings_(settings), contact_of_geom_(model.geoms.size(), -1) {
+    : model_(model),
+      settings_(settings),
+      start_(scenario.start_position),
+      contact_of_geom_(model.geoms.size(), -1) {
   for (const ObstacleBox& box : scenario.obstacles) {
     obstacles_.push_back(solid_of(box));
     heights_.push_back(box.top());
@@ -56,6 +60,29 @@ double Clearance::margin_near_contact(int body) const {
   const auto links = std::count_if(model_.contacts.begin(), model_.contacts.end(),
                                    [body](const ContactLink& link) { return link.body == body; });
   return links >= 2 ? settings_.lying : settings_.landing;
+}
+
+Solid Clearance::grown(const Solid& obstacle, const Solid& link) const noexcept {
+  const double radius = (link.X_WG.p - start_).head<2>().norm() + reach_of(link);
+  const double out =
+      settings_.elsewhere.position + 2.0 * std::sin(0.5 * settings_.elsewhere.yaw) * radius;
+  const double up = settings_.elsewhere.height;
+  Solid box = obstacle;
+  box.half_extents += Eigen::Vector3d(out, out, 0.5 * up);
+  box.X_WG.p.z() += 0.5 * up;
+  return box;
+}
+
+bool Clearance::is_to_touch(int geom, const ContactSet& contacts,
+                            const std::vector<int>& landing) const noexcept {
+  const int body = model_.geoms[static_cast<std::size_t>(geom)].body;
+  const auto is_of_body = [&](int link) {
+    return model_.contacts[static_cast<std::size_t>(link)].body == body;
+  };
+  return std::any_of(landing.begin(), landing.end(), is_of_body) ||
+         std::any_of(contacts.begin(), contacts.end(), [&](const Contact& contact) {
+           return contact.surface != kFloor && is_of_body(contact.link);
+         });
 }
 
 double Clearance::environment_margin(const RobotData& data, int geom, int surface,
@@ -115,20 +142,27 @@ void Clearance::find_near(const RobotData& data, const ContactSet& contacts,
     const int geom = static_cast<int>(g);
     parts.clear();
     for (int surface = kFloor; surface < static_cast<int>(obstacles_.size()); ++surface) {
-      const auto to_surface = [&](const Solid& s) {
-        return surface == kFloor
-                   ? distance_to_floor(s, 0.0)
-                   : signed_distance(s, obstacles_[static_cast<std::size_t>(surface)]);
-      };
-      if (surface != kFloor &&
-          distance_at_least(solids[g], obstacles_[static_cast<std::size_t>(surface)]) > within) {
-        continue;
+      Solid obstacle;
+      bool elsewhere = false;
+      if (surface != kFloor) {
+        obstacle = obstacles_[static_cast<std::size_t>(surface)];
+        elsewhere = settings_.elsewhere.any() && !is_to_touch(geom, contacts, landing);
+        if (elsewhere) {
+          obstacle = grown(obstacle, solids[g]);
+        }
+        if (distance_at_least(solids[g], obstacle) > within) {
+          continue;
+        }
       }
+      const auto to_surface = [&](const Solid& s) {
+        return surface == kFloor ? distance_to_floor(s, 0.0) : signed_distance(s, obstacle);
+      };
       const Distance whole = to_surface(solids[g]);
       if (whole.value > within) {
         continue;
       }
-      const double margin = environment_margin(data, geom, surface, contacts, landing);
+      const double margin =
+          elsewhere ? settings_.spare : environment_margin(data, geom, surface, contacts, landing);
       if (margin == kIgnored) {
         continue;
       }

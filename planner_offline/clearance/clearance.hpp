@@ -10,11 +10,22 @@
 
 namespace clamber {
 
+/// How far the obstacle may be from where the plan has it, seen from the robot.
+struct ObstacleElsewhere {
+  double position = 0.0;  ///< m, in any direction of the plane, and
+  double yaw = 0.0;       ///< rad about the start, either way, and
+  double height = 0.0;    ///< m, higher
+
+  [[nodiscard]] bool any() const noexcept { return position > 0.0 || yaw > 0.0 || height > 0.0; }
+};
+
 struct ClearanceSettings {
   double obstacle = 0.012;  ///< m, links not in contact to obstacle and floor (10-15 mm in a swing)
   double lying = 0.002;     ///< m, of a body that lies down on two contact links (a forearm)
   double landing = 0.004;  ///< m, of another body whose contact link rests or lands on that surface
   double self = 0.008;     ///< m, between the robot's own links
+  ObstacleElsewhere elsewhere;
+  double spare = 0.006;      ///< m, instead of `obstacle`, to the obstacle grown by `elsewhere`
   double activation = 0.10;  ///< m, nearer pairs become rows of the inverse kinematics
 };
 
@@ -56,6 +67,11 @@ class Clearance {
   };
   void find_near(const RobotData& data, const ContactSet& contacts, const std::vector<int>& landing,
                  double within, std::vector<Near>& found) const;
+  /// The obstacle as links see it that shall not touch: grown by how far it may be elsewhere for
+  /// the farthest point of the link. What stays clear of that hits it nowhere in between.
+  [[nodiscard]] Solid grown(const Solid& obstacle, const Solid& link) const noexcept;
+  [[nodiscard]] bool is_to_touch(int geom, const ContactSet& contacts,
+                                 const std::vector<int>& landing) const noexcept;
   [[nodiscard]] double environment_margin(const RobotData& data, int geom, int surface,
                                           const ContactSet& contacts,
                                           const std::vector<int>& landing) const;
@@ -65,6 +81,7 @@ class Clearance {
 
   const RobotModel& model_;
   ClearanceSettings settings_;
+  Eigen::Vector3d start_;  ///< mid-point between the soles
   std::vector<Solid> obstacles_;
   std::vector<double> heights_;
   std::vector<int> contact_of_geom_;  // contact link whose geom it is, or -1

@@ -237,12 +237,11 @@ Distance box_to_box(const Solid& a, const Solid& b) noexcept {
   return best;
 }
 
-/// Radius of the ball around the solid's origin that holds it.
+}  // namespace
+
 double reach_of(const Solid& s) noexcept {
   return s.shape == Shape::kBox ? s.half_extents.norm() : s.radius + 0.5 * s.length;
 }
-
-}  // namespace
 
 double distance_at_least(const Solid& a, const Solid& b) noexcept {
   if (b.shape == Shape::kBox) {

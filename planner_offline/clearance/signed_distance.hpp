@@ -35,6 +35,9 @@ struct Distance {
 /// to push out of contact.)
 [[nodiscard]] Distance signed_distance(const Solid& a, const Solid& b) noexcept;
 
+/// Largest distance of a point of the solid from its centre, m.
+[[nodiscard]] double reach_of(const Solid& solid) noexcept;
+
 /// Some lower bound on signed_distance(a, b), cheap: what is farther apart need not be looked at.
 [[nodiscard]] double distance_at_least(const Solid& a, const Solid& b) noexcept;
 

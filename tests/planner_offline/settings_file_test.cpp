@@ -39,8 +39,8 @@ auto members(const IkSettings& s) {
   return std::tuple(a, b, c, d);
 }
 auto members(const ClearanceSettings& s) {
-  const auto& [a, b, c, d, e] = s;
-  return std::tuple(a, b, c, d, e);
+  const auto& [a, b, c, d, elsewhere, spare, e] = s;
+  return std::tuple(a, b, c, d, elsewhere.position, elsewhere.yaw, elsewhere.height, spare, e);
 }
 auto members(const ForceSettings& s) {
   const auto& [friction_is_the_scenarios, a, b] = s;

@@ -159,5 +159,46 @@ TEST(Clearance, LinksThatOverlapAreReported) {
   EXPECT_NE(report.worst_self_pair.find(" - "), std::string::npos);
 }
 
+/// Who stays clear of the grown obstacle hits the obstacle nowhere that it may be.
+TEST(Clearance, RoomForAnObstacleThatIsElsewhereIsEnough) {
+  ClearanceSettings settings;
+  settings.elsewhere = {.position = 0.02, .yaw = 0.035, .height = 0.01};
+  settings.spare = 0.0;
+  settings.obstacle = -kFar;  // the floor does not matter here
+  const Scenario scenario = box();
+  ObstacleBox higher = scenario.obstacles[0];
+  higher.half_extents.z() += 0.005;
+  higher.center.z() += 0.005;
+  const Clearance roomy(coman(), scenario, settings);
+  std::mt19937 generator(7);
+  std::uniform_real_distribution<double> unit(-1.0, 1.0);
+  int near = 0;
+  double least = 1.0;
+  for (int trial = 0; trial < 4000 && near < 60; ++trial) {
+    Configuration x = random_posture(generator);
+    x.X_WB.p += Eigen::Vector3d(0.3 * unit(generator), 0.2 * unit(generator), 0.3);
+    const double room = roomy.report(data_at(x), {}, {}).obstacle_excess;
+    if (room < 0.0 || room > 0.005) continue;
+    ++near;
+    for (int start = 0; start < 40; ++start) {
+      const double direction = M_PI * unit(generator);
+      const Eigen::Vector3d shift(0.02 * std::cos(direction), 0.02 * std::sin(direction), 0.0);
+      const Eigen::Matrix3d turn = rotation_exp({0.0, 0.0, std::copysign(0.035, unit(generator))});
+      Configuration moved = x;
+      moved.X_WB.R = turn * x.X_WB.R;
+      moved.X_WB.p = scenario.start_position + turn * (x.X_WB.p - scenario.start_position) + shift;
+      const RobotData data = data_at(moved);
+      for (const Geom& geom : coman().geoms) {
+        const Solid link = place(geom, data.X_WB[static_cast<std::size_t>(geom.body)]);
+        const double left = signed_distance(link, solid_of(higher)).value;
+        EXPECT_GT(left, 0.0) << geom.name;
+        least = std::min(least, left);
+      }
+    }
+  }
+  EXPECT_GE(near, 20);
+  EXPECT_LT(least, 0.01) << "room that nothing needs";
+}
+
 }  // namespace
 }  // namespace clamber
