@@ -20,6 +20,8 @@ void add_monitor_command(CLI::App& app);
 void add_replay_command(CLI::App& app);
 void add_report_command(CLI::App& app);
 void add_export_command(CLI::App& app);
+void add_record_command(CLI::App& app);
+void add_web_command(CLI::App& app);
 void add_operator_commands(CLI::App& app);  ///< arm, start, ...
 void add_bus_command(CLI::App& app);
 void add_drives_command(CLI::App& app);

@@ -65,6 +65,8 @@ int run(int argc, char** argv) {
   clamber::add_replay_command(app);
   clamber::add_report_command(app);
   clamber::add_export_command(app);
+  clamber::add_record_command(app);
+  clamber::add_web_command(app);
   clamber::add_bus_command(app);
   clamber::add_drives_command(app);
   clamber::add_doctor_command(app);

@@ -6,22 +6,29 @@ import { Run, floatsOfBase64 } from "./run.js";
  * @param on {run(Run), rows(Run), lost(), note(text)}
  */
 export function listen(on) {
-  const events = new EventSource("live");
   let run;
-  events.addEventListener("scene", (event) => {
-    const { scene, layout, session } = JSON.parse(event.data);
+  connect();
+
+  function connect() {
+    const events = new EventSource("live");
+    events.addEventListener("scene", (event) => introduce(JSON.parse(event.data)));
+    events.addEventListener("rows", (event) => {
+      run.append(floatsOfBase64(event.data));
+      on.rows(run);
+    });
+    events.addEventListener("note", (event) => on.note(event.data));
+    events.onerror = () => {
+      on.lost();
+      // Refused, which the browser takes for final: too many watch.
+      if (events.readyState === EventSource.CLOSED) setTimeout(connect, 2000);
+    };
+  }
+
+  function introduce({ scene, layout, session }) {
     // The same session after a short break goes on where it was.
-    if (run?.session !== session) {
-      run = new Run(scene, layout);
-      run.session = session;
-      on.run(run);
-    }
-    on.note("");
-  });
-  events.addEventListener("rows", (event) => {
-    run.append(floatsOfBase64(event.data));
-    on.rows(run);
-  });
-  events.addEventListener("note", (event) => on.note(event.data));
-  events.onerror = () => on.lost();
+    if (run?.session === session) return;
+    run = new Run(scene, layout);
+    run.session = session;
+    on.run(run);
+  }
 }
