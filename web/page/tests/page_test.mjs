@@ -122,25 +122,25 @@ async function embedded(browser) {
   assert.ok(late.share.green > 0.0003, `forces of the obstacle: ${JSON.stringify(late.share)}`);
   assert.notEqual(early.hash, late.hash, "scrubbing changes the picture");
   assert.notEqual(early.phase, late.phase, "scrubbing changes the phase");
-  await scrub(page, 20);
-  const at20 = { worst: await number(page, "worst"), phase: await number(page, "phase") };
+  await scrub(page, 10);
+  const at10 = { worst: await number(page, "worst"), phase: await number(page, "phase") };
   assert.deepEqual(page.requests.filter((each) => !each.startsWith("data:")), [url], "nothing is fetched");
   assert.deepEqual(page.errors, []);
   await page.close();
-  return at20;
+  return at10;
 }
 
 async function recorded(browser, expected) {
   const file = join(folder, "run.mcap");
   const exported = spawnSync(clamber, ["export", join(climb, "climb.log"), "--to", file]);
   assert.equal(exported.status, 0, String(exported.stderr));
-  truncateSync(file, Math.floor(0.45 * statSync(file).size)); // as its recorder's death would
+  truncateSync(file, Math.floor(0.25 * statSync(file).size)); // as its recorder's death would
   const { child, address, port } = await serve(file, "--port", "0");
   const page = await opened(browser);
   await page.goto(address);
   await until(() => number(page, "status"), async () => (await rows(page)) > 500);
   assert.match(await number(page, "status"), /end is missing/);
-  await scrub(page, 20);
+  await scrub(page, 10);
   const found = { worst: await number(page, "worst"), phase: await number(page, "phase") };
   assert.deepEqual(found, expected, "a recording shows what the embedded run shows");
   showsTheRobot(await colours(page));
@@ -245,8 +245,8 @@ try {
     console.log(`${name}: good, ${((Date.now() - from) / 1000).toFixed(1)} s`);
     return result;
   };
-  const at20 = await part("climb.html", () => embedded(browser));
-  await part("recording", () => recorded(browser, at20));
+  const at10 = await part("climb.html", () => embedded(browser));
+  await part("recording", () => recorded(browser, at10));
   await part("live", () => live(browser));
 } finally {
   await browser.close();
