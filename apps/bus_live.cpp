@@ -141,18 +141,21 @@ std::vector<std::string> print_bus(const Listener& listener, std::size_t b) {
   return silent;
 }
 
-void scan(const ScanOptions& options) {
-  const BusMap map = load_bus_map(find_file(options.map), load_robot(options.robot));
-  Listener listener(map);
+/// Listens, and asks if nobody commands the drives. @return whether it asked
+bool look_around(Listener& listener, const BusMap& map) {
   listener.listen(listener.now() + 200 * kMilliseconds);
   std::uint64_t heard = 0;
   for (std::size_t b = 0; b < listener.size(); ++b)
     for (std::size_t i = 0; i < map.buses[b].drives.size(); ++i)
       heard += listener.watch(b).drive(i).commands;
-  if (heard == 0)
-    ask(listener, map);
-  else
-    std::printf("somebody commands these drives: only listening\n");
+  if (heard == 0) ask(listener, map);
+  return heard == 0;
+}
+
+void scan(const ScanOptions& options) {
+  const BusMap map = load_bus_map(find_file(options.map), load_robot(options.robot));
+  Listener listener(map);
+  if (!look_around(listener, map)) std::printf("somebody commands these drives: only listening\n");
   std::vector<std::string> silent;
   for (std::size_t b = 0; b < listener.size(); ++b)
     for (std::string& name : print_bus(listener, b)) silent.push_back(std::move(name));
@@ -272,6 +275,24 @@ void monitor(const MonitorOptions& options) {
 }
 
 }  // namespace
+
+std::vector<std::string> survey_drives(const BusMap& map) {
+  Listener listener(map);
+  (void)look_around(listener, map);
+  std::vector<std::string> troubled;
+  for (std::size_t b = 0; b < listener.size(); ++b)
+    for (std::size_t i = 0; i < map.buses[b].drives.size(); ++i) {
+      const JointDrive& drive = map.buses[b].drives[i];
+      const WatchedDrive& seen = listener.watch(b).drive(i);
+      const bool answers =
+          seen.replies > 0 || listener.nodes(b).contains(static_cast<std::uint8_t>(drive.node));
+      if (!answers)
+        troubled.push_back(drive.name + ": no answer");
+      else if (seen.state.starts_with("error") || seen.state.starts_with("fault"))
+        troubled.push_back(drive.name + ": " + seen.state);
+    }
+  return troubled;
+}
 
 bool use_color() {
   const char* off = std::getenv("NO_COLOR");

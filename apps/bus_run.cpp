@@ -117,6 +117,10 @@ BusRun run_on_buses(const RobotModel& model, const BusMap& map, const std::vecto
   execution.bus_calls = BusCalls::kSockets;
   if (options.lock_step) (void)stay_on_this_processor();
 
+  RunPulse pulse;
+  execution.pulse = &pulse;
+  std::shared_ptr<void> companion;
+  if (options.companion) companion = options.companion(pulse, telemetry ? &*telemetry : nullptr);
   BusRun run;
   run.execution = execute(controller, bus, execution);
   run.peak_torque = bus.peak_torque;

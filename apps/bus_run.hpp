@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "apps/executor.hpp"
+#include "apps/run_support.hpp"
 #include "control/controller.hpp"
 #include "firmware_hal/bus_map.hpp"
 #include "robot_model/model.hpp"
@@ -24,6 +25,7 @@ struct BusRunOptions {
   std::string frame_log;    ///< every frame in candump's format, in lock step; empty: none
   bool dds = false;
   RuntimeSettings runtime;  ///< of a run paced by the clock
+  RunCompanion companion;   ///< empty: nobody watches
 };
 
 struct BusRun {

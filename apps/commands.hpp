@@ -25,6 +25,10 @@ void add_web_command(CLI::App& app);
 void add_operator_commands(CLI::App& app);  ///< arm, start, ...
 void add_bus_command(CLI::App& app);
 void add_drives_command(CLI::App& app);
+void add_key_command(CLI::App& app);
+void add_bundle_command(CLI::App& app);
+void add_flash_command(CLI::App& app);
+void add_service_command(CLI::App& app);
 void add_doctor_command(CLI::App& app);
 
 }  // namespace clamber

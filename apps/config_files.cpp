@@ -17,7 +17,10 @@ fs::path configs_folder() {
   const fs::path program = fs::read_symlink("/proc/self/exe", error);
   // build/<preset>/apps/clamber
   const fs::path built_in = program.parent_path().parent_path().parent_path().parent_path();
-  for (const fs::path& root : {built_in, fs::path(CLAMBER_SOURCE_DIR)})
+  // A bundle's slot and an installed package: bin/clamber.
+  const fs::path installed = program.parent_path().parent_path();
+  for (const fs::path& root :
+       {installed, installed / "share/clamber", built_in, fs::path(CLAMBER_SOURCE_DIR)})
     if (!root.empty() && fs::is_directory(root / "configs" / "robots", error))
       return root / "configs";
   return "configs";

@@ -7,8 +7,8 @@
 
 namespace clamber {
 
-/// The folder `configs`: $CLAMBER_CONFIGS, else the one of the tree that the program was built in,
-/// else the source tree's, else ./configs.
+/// The folder `configs`: $CLAMBER_CONFIGS, else the one of the slot or package that the program
+/// lies in, else of the tree that it was built in, else the source tree's, else ./configs.
 [[nodiscard]] std::filesystem::path configs_folder();
 
 /// `name` if it exists; else, if it begins with "configs/", the file of that name in

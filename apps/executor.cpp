@@ -119,6 +119,7 @@ class Loop {
     while (!seat_.armed()) {
       report_.stopped = stop_asked();
       if (report_.stopped) return false;
+      if (options_.pulse != nullptr) options_.pulse->beats.fetch_add(1, std::memory_order_relaxed);
       sleep_until(now_ns() + kLookForOperator);
     }
     return true;
@@ -131,7 +132,9 @@ class Loop {
     do {
       if (!wait_for_operator()) return false;
       start_ = now_ns();
+      switching(true);
       report_.bus = bus_.enable();
+      switching(false);
     } while (report_.bus == BusStatus::kDown && seat_.stopped());
     report_.stopped = stop_asked();
     seat_.begin();
@@ -139,6 +142,7 @@ class Loop {
   }
 
   void disable() noexcept {
+    switching(true);
     bus_.disable();
     report_.wall_time = static_cast<double>(now_ns() - start_) / static_cast<double>(kNanoseconds);
   }
@@ -169,6 +173,7 @@ class Loop {
     report_.status = controller_.tick(states_, commands_, frame_);
     if (options_.inputs != nullptr) options_.inputs->after(commands_);
     tell_operator();
+    beat();
     if (!guard_exchange_) guards_.leave();
     if (options_.observe) options_.observe(frame_);
     hand_over();
@@ -188,6 +193,26 @@ class Loop {
     status.worst_wakeup = 1e-9 * static_cast<double>(report_.timing.wakeup.max());
     status.missing_replies = bus_.counters().missing_replies;
     seat_.after_tick(frame_);
+  }
+
+  void switching(bool on) noexcept {
+    if (options_.pulse == nullptr) return;
+    options_.pulse->switching = on;
+    options_.pulse->torque = false;
+  }
+
+  void beat() noexcept {
+    if (options_.pulse == nullptr) return;
+    RunPulse& pulse = *options_.pulse;
+    constexpr auto relaxed = std::memory_order_relaxed;
+    const SupervisorState now = controller_.supervision();
+    const auto stale = std::count_if(states_.begin(), states_.end(),
+                                     [](const JointState& state) { return state.age > kStaleAge; });
+    pulse.torque.store(has_torque(now.mode), relaxed);
+    pulse.fault.store(now.fault != FaultCode::kNone, relaxed);
+    pulse.stale_joints.store(static_cast<std::uint32_t>(stale), relaxed);
+    pulse.overruns.store(report_.overruns, relaxed);
+    pulse.beats.fetch_add(1, relaxed);
   }
 
   /// A fault ends a run that nobody attends, some time after the robot has sunk.
@@ -249,6 +274,7 @@ ExecutorReport execute(Controller& controller, MotorBus& bus, const ExecutorOpti
     });
   else
     loop.run_free();
+  if (options.pulse != nullptr) options.pulse->over = true;
   report.duration = static_cast<double>(report.ticks) * controller.config().dt;
   report.fault = controller.fault();
   report.fault_joint = controller.fault_joint();

@@ -16,6 +16,7 @@
 #include "apps/realtime/runtime_settings.hpp"
 #include "apps/realtime/tick_guards.hpp"
 #include "apps/run_log.hpp"
+#include "apps/run_pulse.hpp"
 #include "control/controller.hpp"
 #include "firmware_hal/motor_bus.hpp"
 #include "telemetry/frame_sink.hpp"
@@ -37,6 +38,7 @@ struct ExecutorOptions {
   /// The operator's. Drives stay off until he has armed, and a fault does not end the run. Without:
   /// armed and started at once.
   OperatorDesk* desk = nullptr;
+  RunPulse* pulse = nullptr;  ///< shown to those who watch from outside
 };
 
 /// Of a run paced by the clock.

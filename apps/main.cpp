@@ -3,6 +3,7 @@
 #include <iostream>
 #include <string>
 
+#include "apps/cli_pages.hpp"
 #include "apps/commands.hpp"
 #include "apps/job_failed.hpp"
 #include "planner_offline/planner.hpp"
@@ -69,6 +70,11 @@ int run(int argc, char** argv) {
   clamber::add_web_command(app);
   clamber::add_bus_command(app);
   clamber::add_drives_command(app);
+  clamber::add_key_command(app);
+  clamber::add_bundle_command(app);
+  clamber::add_flash_command(app);
+  clamber::add_service_command(app);
+  clamber::add_pages_command(app);
   clamber::add_doctor_command(app);
   try {
     app.parse(argc, argv);

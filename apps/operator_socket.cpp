@@ -192,4 +192,12 @@ std::string ask_controller(const std::string& path, const std::string& line, dou
   throw JobFailed("operator socket " + path + ": the controller closes without an answer");
 }
 
+std::optional<std::string> ask_if_there(const std::string& path, const std::string& line,
+                                        double patience) {
+  const Descriptor probe = make_socket();
+  const int error = connect_to(probe.get(), path);
+  if (error == ENOENT || error == ECONNREFUSED) return std::nullopt;
+  return ask_controller(path, line, patience);
+}
+
 }  // namespace clamber

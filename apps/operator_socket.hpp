@@ -2,6 +2,7 @@
 // Start-up and client; allocates, blocks for a moment, throws InputError.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "apps/realtime/runtime_settings.hpp"
@@ -40,5 +41,8 @@ void remove_operator_socket(const std::string& path, const Descriptor& listener)
 /// @throws InputError when there is no controller, JobFailed when it does not answer
 [[nodiscard]] std::string ask_controller(const std::string& path, const std::string& line,
                                          double patience);
+/// The same; nullopt when no controller is there.
+[[nodiscard]] std::optional<std::string> ask_if_there(const std::string& path,
+                                                      const std::string& line, double patience);
 
 }  // namespace clamber

@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <cstddef>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -12,6 +13,7 @@
 
 #include "apps/input_log.hpp"
 #include "apps/operator_server.hpp"
+#include "apps/run_pulse.hpp"
 #include "control/controller.hpp"
 #include "robot_model/model.hpp"
 #include "telemetry/publisher.hpp"
@@ -75,10 +77,16 @@ class RunTelemetry {
   /// Outside the tick: waits until the publisher has made room.
   void wait_for_room() const;
   PublisherCounters finish();
+  /// How often the publisher has looked for frames. Any thread.
+  [[nodiscard]] std::uint64_t rounds() const { return publisher_.counters().rounds; }
 
  private:
   FrameRing ring_;
   Publisher publisher_;
 };
+
+/// Makes what lives as long as a run and watches it; telemetry: nullptr if there is none.
+using RunCompanion =
+    std::function<std::shared_ptr<void>(const RunPulse& pulse, const RunTelemetry* telemetry)>;
 
 }  // namespace clamber

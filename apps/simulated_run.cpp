@@ -101,6 +101,10 @@ SimulatedRun run_in_simulation(const RobotModel& model, const Scenario& scenario
       judge.push(world.time(), world.contacts(), world.velocity());
     if (telemetry && !options.realtime) telemetry->wait_for_room();
   };
+  RunPulse pulse;
+  execution.pulse = &pulse;
+  std::shared_ptr<void> companion;
+  if (options.companion) companion = options.companion(pulse, telemetry ? &*telemetry : nullptr);
   run.execution = execute(controller, bus, execution);
   if (operator_desk) run.operator_summary = operator_desk->summary();
   if (telemetry) run.telemetry = telemetry->finish();

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "apps/executor.hpp"
+#include "apps/run_support.hpp"
 #include "control/controller.hpp"
 #include "robot_model/model.hpp"
 #include "sim_backend/judge.hpp"
@@ -25,6 +26,7 @@ struct SimulatedRunOptions {
   std::string inputs;                  ///< file for what `clamber replay` needs; empty: none
   bool realtime = false;
   RuntimeSettings runtime = ordinary_thread();  ///< of a real-time run
+  RunCompanion companion;                       ///< empty: nobody watches
   /// Springs of the robot file between motors and links; the controller expects them.
   bool springs = false;
   /// The world differs from model and scenario by this; the controller does not know (but of

@@ -294,6 +294,7 @@ SimulatedRun run_plan(const RobotOptions& robot, const RobotModel& model, const 
   run.springs = options.springs;
   if (options.perturbed) run.perturbation = draw_perturbation({}, model, *options.perturbed);
   run.inputs = options.inputs;
+  run.companion = options.companion;
   for (const std::string& file : {log, options.inputs})
     if (!file.empty()) make_folder_of(file);
   return run_in_simulation(model, scenario, prepared.image, run);
@@ -314,6 +315,7 @@ BusRun run_plan_on_buses(const RobotOptions& robot, const RobotModel& model,
   run.runtime = runtime_settings(options, !options.lock_step);
   run.frame_log = options.frame_log;
   run.inputs = options.inputs;
+  run.companion = options.companion;
   run.dds = options.dds;
   for (const std::string& file : {log, options.frame_log, options.inputs})
     if (!file.empty()) make_folder_of(file);

@@ -71,6 +71,7 @@ struct ExecutionOptions {
   std::string runtime = "configs/runtime/default.yaml";
   std::string guard;            ///< see parse_guards(); empty: as in `runtime`
   std::string operator_socket;  ///< empty: as in `runtime`
+  RunCompanion companion;       ///< of a service; empty: nobody watches
 };
 void add_execution_options(CLI::App& command, ExecutionOptions& options);
 

@@ -150,13 +150,14 @@ void Flasher::give_up(Slot slot, const SlotContent& content, const std::string& 
   done(std::string("back from slot ") + to_string(slot));
   std::string after;
   try {
-    if (hooks_.restart && state.committed) hooks_.restart();
+    if (hooks_.restart) hooks_.restart();  // with nothing in use it only stops
   } catch (const std::exception& error) {
     after = std::string("; and then: ") + error.what();
   }
-  const std::string in_use =
-      state.committed ? "back to " + read_slot(store_.slot(*state.committed))->manifest.name()
-                      : "nothing is in use, as before";
+  std::string in_use = "nothing is in use, as before";
+  if (state.committed)
+    if (const std::optional<SlotContent> old = read_slot(store_.slot(*state.committed)))
+      in_use = "back to " + old->manifest.name();
   throw JobFailed(content.manifest.name() + " did not come up: " + why + "; " + in_use + after);
 }
 

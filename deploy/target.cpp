@@ -70,7 +70,8 @@ Target load_target(const fs::path& root) {
     throw InputError(file.string() +
                      ": no such file: it says which robot this is; `clamber flash setup` makes it");
   const YamlNode yaml = YamlNode::load(file);
-  yaml.allow_only({"robot", "model", "hardware", "restart", "operator", "health_file", "health"});
+  yaml.allow_only(
+      {"robot", "model", "hardware", "restart", "operator", "health_file", "health", "doctor"});
   Target target;
   target.robot = yaml.at("robot").text();
   if (const auto node = yaml.find("model")) target.model = node->text();
@@ -79,6 +80,7 @@ Target load_target(const fs::path& root) {
   if (const auto node = yaml.find("operator")) target.operator_socket = absolute(*node);
   if (const auto node = yaml.find("health_file")) target.health_file = absolute(*node);
   if (const auto node = yaml.find("health")) target.health = read_health(*node);
+  if (const auto node = yaml.find("doctor")) target.doctor = node->flag();
   return target;
 }
 
@@ -88,7 +90,8 @@ std::string format_target(const Target& target) {
       << "robot: " << target.robot << '\n';
   if (target.model) out << "model: " << *target.model << '\n';
   if (target.hardware) {
-    out << "hardware:  # CAN interface: node ids\n";
+    out << (target.hardware->empty() ? "hardware: {}" : "hardware:  # CAN interface: node ids")
+        << '\n';
     for (const auto& [interface, nodes] : *target.hardware) {
       out << "  " << interface << ": [";
       for (std::size_t i = 0; i < nodes.size(); ++i) out << (i > 0 ? ", " : "") << nodes[i];
@@ -102,7 +105,8 @@ std::string format_target(const Target& target) {
     out << "]\n";
   }
   out << "health: {time: " << target.health.time << ", timeout: " << target.health.timeout
-      << ", overruns: " << target.health.overruns << "}\n";
+      << ", overruns: " << target.health.overruns << "}\n"
+      << "doctor: " << (target.doctor ? "true" : "false") << '\n';
   return out.str();
 }
 

@@ -27,6 +27,7 @@ struct Target {
   std::string operator_socket = "/run/clamber/operator.sock";  ///< below the root
   std::string health_file = "/run/clamber/health.json";        ///< below the root
   HealthSettings health;
+  bool doctor = false;  ///< the preflight asks `clamber doctor` about this machine, too
 };
 
 [[nodiscard]] std::filesystem::path target_file(const std::filesystem::path& root);

@@ -117,7 +117,8 @@ class Publisher::Impl {
             .batches = batch_count_.load(relaxed),
             .joint_states = joint_state_count_.load(relaxed),
             .refused = refused_count_.load(relaxed),
-            .ring_drops = ring_.dropped()};
+            .ring_drops = ring_.dropped(),
+            .rounds = round_count_.load(relaxed)};
   }
 
   int frame_readers() const {
@@ -130,6 +131,7 @@ class Publisher::Impl {
   void run(const std::stop_token& stop) {
     while (!stop.stop_requested()) {
       drain();
+      ++round_count_;
       std::this_thread::sleep_for(kDrainPeriod);
     }
     drain();
@@ -195,6 +197,7 @@ class Publisher::Impl {
   std::atomic<std::uint64_t> batch_count_{0};
   std::atomic<std::uint64_t> joint_state_count_{0};
   std::atomic<std::uint64_t> refused_count_{0};
+  std::atomic<std::uint64_t> round_count_{0};
 
   std::jthread thread_;  // last: it must be gone before what it uses
 };

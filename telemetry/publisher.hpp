@@ -17,6 +17,7 @@ struct PublisherCounters {
   std::uint64_t joint_states = 0;  ///< given to DDS
   std::uint64_t refused = 0;       ///< samples that DDS did not take
   std::uint64_t ring_drops = 0;    ///< frames that found the ring full
+  std::uint64_t rounds = 0;        ///< looks at the ring: it lives
 };
 
 /// Topics:
