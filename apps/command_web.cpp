@@ -4,7 +4,6 @@
 #include <filesystem>
 #include <iostream>
 #include <memory>
-#include <mutex>
 #include <thread>
 
 #include <unistd.h>
@@ -36,11 +35,12 @@ struct Options {
 /// Serves until a signal comes, while `work` is called over and over.
 void serve(WebServer& server, const std::string& what, const std::function<void()>& work) {
   const StopGuard stop;
-  std::thread thread([&] { server.serve(); });
+  const std::jthread thread([&] { server.serve(); });
+  // Before the thread is waited for, whatever `work` throws.
+  const std::unique_ptr<WebServer, void (*)(WebServer*)> end(&server,
+                                                             [](WebServer* s) { s->stop(); });
   std::cout << what << std::flush;
   while (!stop.flag()->load()) work();
-  server.stop();
-  thread.join();
 }
 
 std::string address(const WebServer& server) {

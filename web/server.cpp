@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <random>
+#include <thread>
 
 #include "robot_model/loader.hpp"
 #include "web/page.hpp"
@@ -98,7 +99,13 @@ class WebServer::Impl {
         });
     server_.Get("/", [](const httplib::Request&, httplib::Response& response) {
       const std::string_view page = web_page();
-      response.set_content(page.data(), page.size(), "text/html; charset=utf-8");
+      // Piece by piece, because the library would compress a whole, which takes longer than to
+      // send it over loopback.
+      response.set_content_provider(
+          page.size(), "text/html; charset=utf-8",
+          [page](std::size_t offset, std::size_t length, httplib::DataSink& sink) {
+            return sink.write(page.data() + offset, length);
+          });
     });
     server_.Get("/live", [this](const httplib::Request& request, httplib::Response& response) {
       watch(request.get_header_value("Last-Event-ID"), response);
@@ -113,10 +120,17 @@ class WebServer::Impl {
                        ": cannot be listened to: in use by another program? (0: any free port)");
   }
 
-  void serve() { server_.listen_after_bind(); }
+  void serve() {
+    serving_ = true;
+    if (!stopping_) server_.listen_after_bind();
+    serving_ = false;
+  }
   void stop() {
     if (live_.feed != nullptr) live_.feed->stop();
-    server_.stop();
+    stopping_ = true;
+    // The library forgets to stop when it is told before it listens, and must not be told twice.
+    while (serving_ && !server_.is_running()) std::this_thread::sleep_for(1ms);
+    if (serving_) server_.stop();
   }
   [[nodiscard]] int port() const { return port_; }
 
@@ -175,6 +189,8 @@ class WebServer::Impl {
   std::filesystem::path recording_;
   std::string session_;
   std::atomic<int> watching_{0};
+  std::atomic<bool> serving_{false};
+  std::atomic<bool> stopping_{false};
   httplib::Server server_;
   int port_ = -1;
 };

@@ -35,7 +35,7 @@ class WebServer {
   [[nodiscard]] int port() const;
   /// Returns after stop().
   void serve();
-  /// From another thread.
+  /// From another thread, once.
   void stop();
 
  private:

@@ -34,9 +34,12 @@ class ClimbEndToEnd : public testing::Test {
   static void keep() {
     const std::filesystem::path kept = CLAMBER_CLIMB_FOLDER;
     std::filesystem::create_directories(kept);
-    for (const char* name : {"plan.json", "plan.cert", "plan.img", "climb.log"})
-      std::filesystem::copy_file(file(name), kept / name,
-                                 std::filesystem::copy_options::overwrite_existing);
+    for (const char* name :
+         {"plan.json", "plan.cert", "plan.img", "climb.log", "summary.json", "climb.html"})
+      // Without npm there is no climb.html.
+      if (std::filesystem::exists(file(name)))
+        std::filesystem::copy_file(file(name), kept / name,
+                                   std::filesystem::copy_options::overwrite_existing);
   }
   static void TearDownTestSuite() {
     delete first_;

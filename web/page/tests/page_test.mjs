@@ -32,7 +32,7 @@ function start(...given) {
   return child;
 }
 
-async function until(what, check, most = 15000) {
+async function until(what, check, most = 30000) {
   const end = Date.now() + most;
   for (;;) {
     const value = await check();
@@ -93,11 +93,11 @@ async function scrub(page, time) {
 
 function showsTheRobot({ share }) {
   assert.ok(share.wood > 0.02, `an obstacle of wood: ${JSON.stringify(share)}`);
-  assert.ok(share.blue > 0.005 && share.orange > 0.0007, `a robot's limbs: ${JSON.stringify(share)}`);
+  assert.ok(share.blue > 0.002 && share.orange > 0.0007, `a robot's limbs: ${JSON.stringify(share)}`);
 }
 
 async function opened(browser) {
-  const page = await browser.newPage({ viewport: { width: 1000, height: 760 } });
+  const page = await browser.newPage({ viewport: { width: 900, height: 640 } });
   page.requests = [];
   page.errors = [];
   page.on("request", (each) => page.requests.push(each.url()));
@@ -180,16 +180,12 @@ async function answersOnlyItsOwn(port) {
 
 const memory = (child) => Number(readFileSync(`/proc/${child.pid}/status`, "utf8").match(/VmRSS:\s+(\d+)/)[1]);
 
-async function live(browser) {
+async function live(browser, robot) {
   let server = await serve("--port", "0");
   const page = await opened(browser);
   await page.goto(server.address);
-  await until("a scene", async () => (await number(page, "source")) === "waiting for the robot");
-  await until("word of nobody", async () => (await number(page, "status")).includes("nobody publishes"));
   const recorder = start("record", "-o", join(folder, "live.mcap"), "--duration", "1");
-  await until("a recorder", () => recorder.text.includes("waiting"));
-  const robot = start("run", join(climb, "plan.json"), "--realtime", "-o", join(folder, "run.log"));
-  await until(() => robot.text + server.child.text, async () => (await rows(page)) > 50, 20000);
+  await until(() => robot.text + server.child.text, async () => (await rows(page)) > 50);
   assert.equal(await number(page, "source"), "live");
   // Browsers that never read.
   const before = memory(server.child);
@@ -222,12 +218,13 @@ async function live(browser) {
   await stop(server.child, "SIGKILL");
   await until("a lost connection", async () => (await number(page, "source")).includes("lost"));
   server = await serve("--port", String(server.port));
-  await until("live again", async () => (await number(page, "source")) === "live", 20000);
+  await until("live again", async () => (await number(page, "source")) === "live");
   const again = await rows(page);
   await until("rows again", async () => (await rows(page)) > again + 20);
   assert.deepEqual(page.errors, []);
-  await page.close();
   await stop(robot, "SIGKILL");
+  await until("word of nobody", async () => (await number(page, "status")).includes("nobody publishes"));
+  await page.close();
   await stop(server.child);
 }
 
@@ -246,8 +243,10 @@ try {
     return result;
   };
   const at10 = await part("climb.html", () => embedded(browser));
+  // It needs seconds to start, and lasts for fifty.
+  const robot = start("run", join(climb, "plan.json"), "--realtime", "-o", join(folder, "run.log"));
   await part("recording", () => recorded(browser, at10));
-  await part("live", () => live(browser));
+  await part("live", () => live(browser, robot));
 } finally {
   await browser.close();
   for (const child of children) child.kill("SIGKILL");
