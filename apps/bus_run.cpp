@@ -100,7 +100,8 @@ BusRun run_on_buses(const RobotModel& model, const BusMap& map, const std::vecto
       log_inputs(options.inputs, model, options.control, image, options.plan_sha256,
                  log_capacity(controller, !options.lock_step));
   std::optional<RunTelemetry> telemetry;
-  if (options.dds) telemetry.emplace(model);
+  if (options.dds)
+    telemetry.emplace(model, options.runtime.telemetry, options.executed, options.control.dt);
 
   std::optional<RunOperator> operator_desk;
   if (!options.runtime.operator_socket.socket.empty())
@@ -109,7 +110,7 @@ BusRun run_on_buses(const RobotModel& model, const BusMap& map, const std::vecto
   ExecutorOptions execution{.realtime = !options.lock_step, .stop = guard.flag()};
   execution.log = log ? &*log : nullptr;
   execution.inputs = inputs.get();
-  if (telemetry) execution.sinks.push_back(&telemetry->ring());
+  if (telemetry) execution.telemetry = &telemetry->port();
   if (telemetry && options.lock_step)
     execution.observe = [&](TelemetryFrame&) { telemetry->wait_for_room(); };
   execution.runtime = options.runtime;
@@ -154,9 +155,7 @@ std::string describe(const BusRun& run, const RobotModel& model) {
   if (run.oldest_state > 0) out << " (" << run.oldest_joint << ')';
   out << '\n' << run.table;
   for (const std::string& fault : run.faults) out << "fault:       " << fault << '\n';
-  if (run.telemetry)
-    out << "telemetry:   " << run.telemetry->frames << " frames published, "
-        << run.telemetry->ring_drops << " dropped, " << run.telemetry->refused << " refused\n";
+  if (run.telemetry) out << describe(*run.telemetry);
   if (!run.frame_log_sha256.empty())
     out << "frame log:   " << run.frames << " frames, sha256 " << run.frame_log_sha256 << '\n';
   out << "plan:        " << (run.success() ? "executed" : "failure: " + run.failure(model)) << '\n';

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/executed_plan.hpp"
 #include "apps/executor.hpp"
 #include "apps/run_support.hpp"
 #include "control/controller.hpp"
@@ -24,6 +25,7 @@ struct BusRunOptions {
   bool lock_step = false;   ///< ticks end when the (simulated) drives say so; else by the clock
   std::string frame_log;    ///< every frame in candump's format, in lock step; empty: none
   bool dds = false;
+  ExecutedPlan executed;    ///< what telemetry tells of the plan
   RuntimeSettings runtime;  ///< of a run paced by the clock
   RunCompanion companion;   ///< empty: nobody watches
 };

@@ -17,6 +17,7 @@ void add_scale_robot_command(CLI::App& app);
 void add_sweep_command(CLI::App& app);
 void add_run_command(CLI::App& app);
 void add_monitor_command(CLI::App& app);
+void add_telemetry_publisher_command(CLI::App& app);  ///< not for people: see run_support.hpp
 void add_replay_command(CLI::App& app);
 void add_report_command(CLI::App& app);
 void add_export_command(CLI::App& app);

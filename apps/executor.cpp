@@ -9,6 +9,7 @@
 
 #include "apps/operator_seat.hpp"
 #include "apps/realtime/control_thread.hpp"
+#include "apps/run_events.hpp"
 
 namespace clamber {
 namespace {
@@ -41,10 +42,13 @@ class Grid {
   std::int64_t wait(ExecutorReport& report) noexcept {
     sleep_until(next_);
     const std::int64_t now = now_ns();
-    report.timing.wakeup.add(now - next_);
+    wakeup_ = now - next_;
+    report.timing.wakeup.add(wakeup_);
     next_ += period_;
     return now;
   }
+  /// Of the current tick: its start after its grid point, ns.
+  [[nodiscard]] std::int64_t wakeup() const noexcept { return wakeup_; }
   /// The end of the current tick's period.
   [[nodiscard]] std::int64_t deadline() const noexcept { return next_; }
   /// Closes the tick's books.
@@ -60,6 +64,7 @@ class Grid {
  private:
   std::int64_t period_;
   std::int64_t next_ = 0;
+  std::int64_t wakeup_ = 0;
 };
 
 std::uint64_t ticks_in(double seconds, double dt) {
@@ -76,6 +81,7 @@ class Loop {
         options_(options),
         report_(report),
         seat_(options.desk, controller),
+        events_(options.telemetry),
         grid_(controller.config().dt),
         guards_(options.runtime.guards, ticks_in(options.runtime.warm_up, controller.config().dt)),
         guard_exchange_(options.bus_calls != BusCalls::kSimulation),
@@ -153,11 +159,14 @@ class Loop {
     const Next next = tick();
     std::int64_t now = now_ns();
     report_.timing.tick.add(now - start);
+    loop_.wakeup_ns = grid_.wakeup();
+    loop_.tick_ns = now - start;
     if (next == Next::kContinue) {
       report_.bus = bus_.exchange(commands_, states_, grid_.deadline());
       const std::int64_t sent = now;
       now = now_ns();
       report_.timing.exchange.add(now - sent);
+      loop_.exchange_ns = now - sent;
       grid_.finish_tick(now, report_);
     }
     if (guard_exchange_) guards_.leave();
@@ -234,7 +243,17 @@ class Loop {
     // While it waits for the operator nothing moves, and the log's room is for what does.
     const bool idle = report_.status == TickStatus::kIdle;
     if (options_.log != nullptr && !idle) options_.log->push(frame_);
-    for (FrameSink* sink : options_.sinks) sink->push(frame_);
+    if (options_.telemetry == nullptr) return;
+    const BusCounters bus = bus_.counters();
+    loop_.overruns = report_.overruns;
+    loop_.skipped = report_.skipped;
+    loop_.exchanges = bus.exchanges;
+    loop_.missing_replies = bus.missing_replies;
+    loop_.late_exchanges = bus.late;
+    loop_.bus_status = static_cast<std::uint64_t>(report_.bus);
+    // A frame that finds no room is counted by the port; the tick carries on.
+    (void)options_.telemetry->push(frame_, loop_);
+    events_.after_tick(frame_);
   }
 
   Controller& controller_;
@@ -242,6 +261,7 @@ class Loop {
   const ExecutorOptions& options_;
   ExecutorReport& report_;
   OperatorSeat seat_;
+  RunEvents events_;
   Grid grid_;
   TickGuards guards_;
   bool guard_exchange_;
@@ -251,6 +271,7 @@ class Loop {
   std::vector<JointState> states_;
   std::vector<JointCommand> commands_;
   TelemetryFrame frame_;
+  LoopRecord loop_;
   std::optional<FailurePolicy> told_;
   std::int64_t start_ = 0;
 };

@@ -19,7 +19,7 @@
 #include "apps/run_pulse.hpp"
 #include "control/controller.hpp"
 #include "firmware_hal/motor_bus.hpp"
-#include "telemetry/frame_sink.hpp"
+#include "telemetry/port.hpp"
 
 namespace clamber {
 
@@ -31,7 +31,7 @@ struct ExecutorOptions {
   BusCalls bus_calls = BusCalls::kSimulation;
   /// Adds the simulation's truth to a tick's frame; called before the bus moves on. Must not throw.
   std::function<void(TelemetryFrame&)> observe = {};
-  std::vector<FrameSink*> sinks = {};       ///< besides the log
+  TelemetryPort* telemetry = nullptr;       ///< every frame and what happens goes there too
   RunLogWriter* log = nullptr;              ///< size it with log_capacity()
   InputLogWriter* inputs = nullptr;         ///< what `clamber replay` needs; ditto
   const std::atomic<bool>* stop = nullptr;  ///< set from outside: end after the current tick

@@ -59,6 +59,7 @@ int run(int argc, char** argv) {
   clamber::add_verify_command(app);
   clamber::add_run_command(app);
   clamber::add_monitor_command(app);
+  clamber::add_telemetry_publisher_command(app);
   clamber::add_operator_commands(app);
   clamber::add_sweep_command(app);
   clamber::add_scale_robot_command(app);

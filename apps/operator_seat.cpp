@@ -35,11 +35,6 @@ bool took_effect(OperatorCommand command, SupervisorState before, SupervisorStat
   return false;
 }
 
-bool concerns_a_joint(FaultCode fault) noexcept {
-  return fault != FaultCode::kNotLoaded && fault != FaultCode::kEstop &&
-         fault != FaultCode::kBusDown && fault != FaultCode::kWatchdog;
-}
-
 struct Refusal {
   const char* reason;
   const char* detail;

@@ -10,7 +10,6 @@
 
 #include "robot_model/model.hpp"
 #include "telemetry/frame.hpp"
-#include "telemetry/frame_sink.hpp"
 
 namespace clamber {
 
@@ -27,13 +26,14 @@ struct RunLogHeader {
                                                const std::string& plan_sha256, double dt);
 
 /// push(): control thread, allocates and blocks never. The rest: outside the tick, may do both.
-class RunLogWriter final : public FrameSink {
+class RunLogWriter {
  public:
   /// Buffers up to `capacity` frames between two calls of flush().
   /// @throws InputError when the file cannot be written
   RunLogWriter(std::filesystem::path file, const RunLogHeader& header, std::size_t capacity);
 
-  bool push(const TelemetryFrame& frame) noexcept override;
+  /// False: no room, the frame was not taken.
+  bool push(const TelemetryFrame& frame) noexcept;
 
   /// More than half of the buffer is in use.
   [[nodiscard]] bool wants_flush() const noexcept { return used_ * 2 > buffer_.size(); }

@@ -7,16 +7,20 @@
 #include <cstddef>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "apps/executed_plan.hpp"
 #include "apps/input_log.hpp"
 #include "apps/operator_server.hpp"
 #include "apps/run_pulse.hpp"
 #include "control/controller.hpp"
 #include "robot_model/model.hpp"
+#include "telemetry/port.hpp"
 #include "telemetry/publisher.hpp"
+#include "telemetry/publisher_process.hpp"
 
 namespace clamber {
 
@@ -68,25 +72,38 @@ class RunOperator {
 /// What a subscriber is told about the robot's frames.
 [[nodiscard]] TelemetryDescription description_of(const RobotModel& model);
 
-/// Ring and publisher; constructed before the run, finished after it.
+/// Port and publisher; constructed before the run, finished after it.
 class RunTelemetry {
  public:
-  explicit RunTelemetry(const RobotModel& model);
+  /// @throws InputError for an interface or environment that cannot be
+  RunTelemetry(const RobotModel& model, const TelemetryConfig& config, const ExecutedPlan& plan,
+               double dt);
 
-  [[nodiscard]] FrameRing& ring() { return ring_; }
-  /// Outside the tick: waits until the publisher has made room.
-  void wait_for_room() const;
+  [[nodiscard]] TelemetryPort& port() { return port_; }
+  /// Outside the tick: waits until the publisher has made room. One that makes none for 2 s, dead
+  /// or stuck, is not waited for again: the run goes on, and what is lost is counted.
+  void wait_for_room();
   PublisherCounters finish();
   /// How often the publisher has looked for frames. Any thread.
-  [[nodiscard]] std::uint64_t rounds() const { return publisher_.counters().rounds; }
+  [[nodiscard]] std::uint64_t rounds() const { return counters_of(memory_.block()).rounds; }
 
  private:
-  FrameRing ring_;
-  Publisher publisher_;
+  TelemetryMemory memory_;
+  TelemetryPort port_;
+  // One of the two.
+  std::optional<Publisher> publisher_;
+  std::optional<PublisherProcess> process_;
+  bool waits_ = true;  ///< for room; not after a publisher that made none
 };
 
 /// Makes what lives as long as a run and watches it; telemetry: nullptr if there is none.
 using RunCompanion =
     std::function<std::shared_ptr<void>(const RunPulse& pulse, const RunTelemetry* telemetry)>;
+
+/// First argument of the command that is the publisher's process.
+inline constexpr const char* kPublisherCommand = "telemetry-publisher";
+
+/// "telemetry:   12000 frames published, 0 dropped, ..."
+[[nodiscard]] std::string describe(const PublisherCounters& counters);
 
 }  // namespace clamber

@@ -79,7 +79,8 @@ SimulatedRun run_in_simulation(const RobotModel& model, const Scenario& scenario
       log_inputs(options.inputs, model, control, image, options.plan_sha256,
                  log_capacity(controller, options.realtime));
   std::optional<RunTelemetry> telemetry;
-  if (options.dds) telemetry.emplace(model);
+  if (options.dds)
+    telemetry.emplace(model, options.runtime.telemetry, options.executed, control.dt);
 
   SimulatedRun run;
   run.feed_forward = options.control.feed_forward == FeedForward::kPlan;
@@ -92,7 +93,7 @@ SimulatedRun run_in_simulation(const RobotModel& model, const Scenario& scenario
   if (operator_desk) execution.desk = &operator_desk->desk();
   execution.log = log ? &*log : nullptr;
   execution.inputs = inputs.get();
-  if (telemetry) execution.sinks.push_back(&telemetry->ring());
+  if (telemetry) execution.telemetry = &telemetry->port();
   execution.observe = [&](TelemetryFrame& frame) {
     read_truth(world, frame);
     note_peak(model, frame, run);
@@ -122,9 +123,7 @@ std::string describe(const SimulatedRun& run, const RobotModel& model) {
   out << "peak torque: " << run.peak_torque << " N m (" << run.peak_joint << ")\n";
   out << "on top:      " << joined(run.verdict.final_contacts) << ", "
       << 100.0 * run.verdict.weight_on_obstacle << " % of the weight\n";
-  if (run.telemetry)
-    out << "telemetry:   " << run.telemetry->frames << " frames published, "
-        << run.telemetry->ring_drops << " dropped, " << run.telemetry->refused << " refused\n";
+  if (run.telemetry) out << describe(*run.telemetry);
   out << "judge:       " << (run.success() ? "success" : "failure: " + run.failure(model)) << '\n';
   return out.str();
 }

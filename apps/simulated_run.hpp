@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/executed_plan.hpp"
 #include "apps/executor.hpp"
 #include "apps/run_support.hpp"
 #include "control/controller.hpp"
@@ -37,6 +38,7 @@ struct SimulatedRunOptions {
   /// Telemetry over DDS. Paced by the clock, a frame that finds the ring full is dropped and
   /// counted. As fast as possible, the loop waits between two ticks until the ring has room.
   bool dds = false;
+  ExecutedPlan executed;  ///< what telemetry tells of the plan
 };
 
 struct SimulatedRun {

@@ -13,6 +13,7 @@
 #include "planner_offline/settings_file.hpp"
 #include "report/peaks.hpp"
 #include "robot_model/loader.hpp"
+#include "robot_model/read_file.hpp"
 #include "robot_model/sha256.hpp"
 #include "robot_model/yaml_reader.hpp"
 
@@ -60,7 +61,28 @@ struct PreparedRun {
   ControllerConfig control;
   std::vector<std::byte> image;
   std::string plan_sha256;
+  ExecutedPlan executed;
 };
+
+std::string read_urdf(const RobotOptions& robot) {
+  const std::filesystem::path file = find_robot(robot.robot);
+  return read_file(file.parent_path() / YamlNode::load(file).at("urdf").text());
+}
+
+/// With the contacts that carry in every keyframe of a phase: those that its first one brings in or
+/// its last one takes away do so on the way.
+std::vector<DescribedPhase> describe_phases(const Plan& plan, const RobotModel& model) {
+  std::vector<DescribedPhase> phases;
+  const std::uint32_t all = (1u << model.contacts.size()) - 1u;
+  for (const Phase& phase : plan.phases) phases.push_back({phase.name, all});
+  for (const Keyframe& keyframe : plan.keyframes) {
+    std::uint32_t carrying = 0;
+    for (const PlannedContact& contact : keyframe.contacts)
+      if (const auto index = model.find_contact(contact.link)) carrying |= 1u << *index;
+    phases[static_cast<std::size_t>(keyframe.phase)].contacts &= carrying;
+  }
+  return phases;
+}
 
 PreparedRun prepare_run(const RobotOptions& robot, const RobotModel& model,
                         const Scenario& scenario, const std::string& plan_file,
@@ -74,6 +96,10 @@ PreparedRun prepare_run(const RobotOptions& robot, const RobotModel& model,
   run.control = load_control(options.control, robot, model, feed_forward);
   run.control.accept_uncertified = options.uncertified;
   run.plan_sha256 = sha256_file(plan_file);
+  if (options.dds)
+    run.executed = {.sha256 = run.plan_sha256,
+                    .urdf = read_urdf(robot),
+                    .phases = describe_phases(plan, model)};
   const std::string certificate = options.uncertified
                                       ? std::string()
                                       : verified_certificate(plan_file, options, model, scenario);
@@ -288,6 +314,7 @@ SimulatedRun run_plan(const RobotOptions& robot, const RobotModel& model, const 
   run.control = prepared.control;
   run.log = log;
   run.plan_sha256 = prepared.plan_sha256;
+  run.executed = prepared.executed;
   run.realtime = options.realtime;
   run.runtime = runtime_settings(options, options.realtime);
   run.dds = options.dds;
@@ -310,6 +337,7 @@ BusRun run_plan_on_buses(const RobotOptions& robot, const RobotModel& model,
   BusRunOptions run;
   run.control = prepared.control;
   run.plan_sha256 = prepared.plan_sha256;
+  run.executed = prepared.executed;
   run.log = log;
   run.lock_step = options.lock_step;
   run.runtime = runtime_settings(options, !options.lock_step);

@@ -53,6 +53,13 @@ using FaultSet = std::uint32_t;
   return fault == FaultCode::kNone ? 0u : 1u << static_cast<unsigned>(fault);
 }
 
+/// The fault was seen at one joint, not at all of the robot.
+[[nodiscard]] constexpr bool concerns_a_joint(FaultCode fault) noexcept {
+  return fault != FaultCode::kNone && fault != FaultCode::kNotLoaded &&
+         fault != FaultCode::kEstop && fault != FaultCode::kBusDown &&
+         fault != FaultCode::kWatchdog;
+}
+
 /// What the drives do, in ascending severity.
 enum class DriveAction : std::uint8_t {
   kFollow,  ///< loops on a moving reference

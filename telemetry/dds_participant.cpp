@@ -5,8 +5,11 @@
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
 
 #include <algorithm>
+#include <filesystem>
 #include <memory>
 #include <stdexcept>
+
+#include "robot_model/loader.hpp"
 
 #ifdef __SANITIZE_ADDRESS__
 // Debian's Fast DDS 2.9.1 deletes its writers' statistics as another type than it created them.
@@ -60,6 +63,30 @@ void hasten_discovery(dds::DomainParticipantQos& qos) {
   discovery.leaseDuration = Duration_t(2, 0);
 }
 
+/// Credentials as scripts/dds_security lays them out.
+void secure(const std::string& folder, dds::DomainParticipantQos& qos) {
+  const std::filesystem::path base = std::filesystem::absolute(folder);
+  const auto file = [&base](const char* name) {
+    const std::filesystem::path path = base / name;
+    if (!std::filesystem::is_regular_file(path))
+      throw InputError("telemetry: security: " + path.string() +
+                       ": no such file; scripts/dds_security makes it");
+    return "file://" + path.string();
+  };
+  auto& properties = qos.properties().properties();
+  properties.emplace_back("dds.sec.auth.plugin", "builtin.PKI-DH");
+  const std::string identity = "dds.sec.auth.builtin.PKI-DH.";
+  properties.emplace_back(identity + "identity_ca", file("ca.pem"));
+  properties.emplace_back(identity + "identity_certificate", file("certificate.pem"));
+  properties.emplace_back(identity + "private_key", file("key.pem"));
+  properties.emplace_back("dds.sec.access.plugin", "builtin.Access-Permissions");
+  const std::string access = "dds.sec.access.builtin.Access-Permissions.";
+  properties.emplace_back(access + "permissions_ca", file("ca.pem"));
+  properties.emplace_back(access + "governance", file("governance.p7s"));
+  properties.emplace_back(access + "permissions", file("permissions.p7s"));
+  properties.emplace_back("dds.sec.crypto.plugin", "builtin.AES-GCM-GMAC");
+}
+
 template <typename T>
 T& created(T* object, const std::string& what) {
   if (object == nullptr) throw std::runtime_error("telemetry: Fast DDS cannot create " + what);
@@ -73,6 +100,7 @@ DdsParticipant::DdsParticipant(const TelemetryConfig& config, const std::string&
   qos.name(name);
   restrict_to(interface_addresses(config), qos);
   hasten_discovery(qos);
+  if (!config.security.empty()) secure(config.security, qos);
   const auto domain = static_cast<dds::DomainId_t>(config.domain);
   participant_ =
       &created(dds::DomainParticipantFactory::get_instance()->create_participant(domain, qos),

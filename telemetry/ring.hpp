@@ -1,61 +1,93 @@
-// Lock-free ring that carries frames from the tick to the telemetry thread.
-// One producer thread pushes, one consumer thread pops; allocates: in the constructor only;
-// blocks: never (both sides are wait-free).
+// Lock-free ring between one producer and one consumer thread, also of two processes: the slots and
+// positions lie in memory that both see. Allocates: never; blocks: never (both sides wait-free).
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <span>
-#include <vector>
-
-#include "telemetry/frame_sink.hpp"
+#include <type_traits>
 
 namespace clamber {
 
-/// A full ring drops the newest frame and counts it: the producer never waits, and what the
-/// consumer holds in its hands is never overwritten.
-class FrameRing final : public FrameSink {
+/// What both sides share besides the slots. Positions count items since the start and are masked on
+/// use, so full and empty stay distinct.
+struct RingPositions {
+  // Not std::hardware_destructive_interference_size: gcc warns that its value may change the ABI.
+  alignas(64) std::atomic<std::uint64_t> written{0};
+  std::atomic<std::uint64_t> dropped{0};
+  alignas(64) std::atomic<std::uint64_t> read{0};
+
+  /// Items in the ring, any thread; while the sides work, a figure of a moment ago.
+  [[nodiscard]] std::uint64_t size() const noexcept {
+    const std::uint64_t from = read.load(std::memory_order_acquire);
+    return written.load(std::memory_order_acquire) - from;
+  }
+};
+static_assert(std::atomic<std::uint64_t>::is_always_lock_free, "shared between processes");
+
+/// A full ring drops the newest item and counts it: the producer never waits, and what the consumer
+/// holds in its hands is never overwritten. Whatever a broken consumer does to the positions, only
+/// slots are written.
+template <typename Item>
+class RingProducer {
+  static_assert(std::is_trivially_copyable_v<Item>);
+
  public:
-  /// @param capacity frames, a power of two. All slots are written here, so that the first lap of
-  ///   the tick meets no page fault.
-  /// @throws std::invalid_argument when capacity is not a power of two
-  explicit FrameRing(std::size_t capacity = 4096);
+  /// @param slots as many as a power of two
+  RingProducer(std::span<Item> slots, RingPositions& positions) noexcept
+      : slots_(slots), positions_(positions), read_seen_(positions.read.load()) {}
 
-  /// Producer only. False when the ring was full and the frame was dropped.
-  [[nodiscard]] bool try_push(const TelemetryFrame& frame) noexcept;
-  bool push(const TelemetryFrame& frame) noexcept override { return try_push(frame); }
-
-  /// Consumer only. Copies the oldest frames into `out` and frees their slots.
-  /// @return frames copied, at most out.size(); 0 when the ring is empty
-  [[nodiscard]] std::size_t pop(std::span<TelemetryFrame> out) noexcept;
-
-  /// Any thread; while the other side works, a figure of a moment ago.
-  [[nodiscard]] std::size_t size() const noexcept {
-    const std::size_t read = read_position_.load(std::memory_order_acquire);
-    return write_position_.load(std::memory_order_acquire) - read;
+  /// The slot to fill before commit(); nullptr: full, one more dropped.
+  [[nodiscard]] Item* claim() noexcept {
+    const std::uint64_t at = positions_.written.load(std::memory_order_relaxed);
+    // The consumer's cache line is touched only when the ring looks full.
+    if (at - read_seen_ >= slots_.size()) {
+      read_seen_ = positions_.read.load(std::memory_order_acquire);
+      if (at - read_seen_ >= slots_.size()) {
+        // The only writer of the counter: no read-modify-write is needed.
+        positions_.dropped.store(positions_.dropped.load(std::memory_order_relaxed) + 1,
+                                 std::memory_order_relaxed);
+        return nullptr;
+      }
+    }
+    return &slots_[at & (slots_.size() - 1)];
   }
-  /// Any thread.
-  [[nodiscard]] std::uint64_t dropped() const noexcept {
-    return dropped_.load(std::memory_order_relaxed);
+  void commit() noexcept {
+    positions_.written.store(positions_.written.load(std::memory_order_relaxed) + 1,
+                             std::memory_order_release);
   }
-  [[nodiscard]] std::size_t capacity() const noexcept { return slots_.size(); }
 
  private:
-  // Not std::hardware_destructive_interference_size: gcc warns that its value may change the ABI.
-  static constexpr std::size_t kCacheLine = 64;
+  std::span<Item> slots_;
+  RingPositions& positions_;
+  std::uint64_t read_seen_;
+};
 
-  std::vector<TelemetryFrame> slots_;
-  const std::size_t mask_;
+template <typename Item>
+class RingConsumer {
+ public:
+  RingConsumer(std::span<const Item> slots, RingPositions& positions) noexcept
+      : slots_(slots), positions_(positions) {}
 
-  // Positions count frames since the start and are masked on use, so full and empty stay distinct.
-  // Each side keeps the other's position as last seen: it touches the other's cache line only when
-  // the ring looks full or empty.
-  alignas(kCacheLine) std::atomic<std::size_t> write_position_{0};
-  std::size_t read_position_seen_ = 0;  // producer's
-  std::atomic<std::uint64_t> dropped_{0};
-  alignas(kCacheLine) std::atomic<std::size_t> read_position_{0};
-  std::size_t write_position_seen_ = 0;  // consumer's
+  /// Copies the oldest items into `out` and frees their slots.
+  /// @return items copied, at most out.size(); 0 when the ring is empty
+  [[nodiscard]] std::size_t pop(std::span<Item> out) noexcept {
+    const std::uint64_t at = positions_.read.load(std::memory_order_relaxed);
+    if (written_seen_ - at < out.size() || written_seen_ < at)
+      written_seen_ = positions_.written.load(std::memory_order_acquire);
+    const auto count = static_cast<std::size_t>(
+        std::min<std::uint64_t>(written_seen_ - at, std::min(out.size(), slots_.size())));
+    for (std::size_t i = 0; i < count; ++i) out[i] = slots_[(at + i) & (slots_.size() - 1)];
+    positions_.read.store(at + count, std::memory_order_release);
+    return count;
+  }
+
+ private:
+  std::span<const Item> slots_;
+  RingPositions& positions_;
+  std::uint64_t written_seen_ = 0;
 };
 
 }  // namespace clamber

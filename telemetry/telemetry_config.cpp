@@ -81,6 +81,7 @@ TelemetryConfig with_environment(TelemetryConfig config) {
       throw InputError("CLAMBER_DDS_INTERFACES: expected addresses or names, got none");
     }
   }
+  if (const char* text = std::getenv("CLAMBER_DDS_SECURITY")) config.security = text;
   return config;
 }
 
@@ -119,6 +120,14 @@ void check(const TelemetryConfig& config, const TelemetryDescription& descriptio
     throw InputError("telemetry: " + std::to_string(description.contact_names.size()) +
                      " contacts: expected at most 16");
   }
+  if (description.phases.size() > TelemetryDescription::kMaxPhases)
+    throw InputError("telemetry: " + std::to_string(description.phases.size()) +
+                     " phases: expected at most 512");
+  if (description.plan.size() > kMaxName)
+    throw InputError("telemetry: plan '" + description.plan + "': expected a SHA-256");
+  for (const DescribedLink& link : description.links)
+    if (link.joint < -1 || link.joint >= static_cast<int>(joints))
+      throw InputError("telemetry: link '" + link.name + "': no such joint");
   for (const std::string& name : description.joint_names) check_name("joint", name);
   for (const std::string& name : description.contact_names) check_name("contact", name);
 }

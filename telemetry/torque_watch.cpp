@@ -6,6 +6,9 @@
 namespace clamber {
 namespace {
 
+// A commanded torque is clipped to the limit exactly; what is measured may be off by this share.
+constexpr double kSaturated = 0.999;
+
 void keep_larger(double& kept, double torque) {
   if (std::abs(torque) > std::abs(kept)) kept = torque;
 }
@@ -37,12 +40,17 @@ void TorqueWatch::add(const TelemetryFrame& frame) {
   }
   if (new_run) received_ = lost_ = 0;
   if (received_ > 0) lost_ += frame.sequence - last_.sequence - 1;
+  // A frame stands for the time since the one before, lost ones included.
+  const double elapsed = received_ > 0 ? frame.time - last_.time : 0.0;
   ++received_;
   last_ = frame;
   for (std::size_t j = 0; j < torques_.size(); ++j) {
     torques_[j].now = frame.tau_meas[j];
     keep_larger(torques_[j].window, frame.tau_meas[j]);
     keep_larger(torques_[j].peak, frame.tau_meas[j]);
+    const double limit = static_cast<double>(frame.tau_limit[j]);
+    const double torque = std::max(std::abs(frame.tau_meas[j]), std::abs(frame.tau_cmd[j]));
+    if (limit > 0.0 && torque >= kSaturated * limit) torques_[j].saturated += elapsed;
   }
 }
 

@@ -18,6 +18,7 @@ struct JointTorque {
   double now = 0.0;             ///< N m, measured in the last frame
   double window = 0.0;          ///< N m, of largest magnitude since the last start_window()
   double peak = 0.0;            ///< N m, of largest magnitude in this run
+  double saturated = 0.0;       ///< s at the limit, measured or commanded, in this run
 
   /// |torque| / limit; 0 while the limit is unknown.
   [[nodiscard]] double load(double torque) const noexcept;
@@ -36,6 +37,7 @@ class TorqueWatch {
   [[nodiscard]] const JointTorque& worst_of_run() const;
 
   [[nodiscard]] const TelemetryFrame& last() const noexcept { return last_; }
+  [[nodiscard]] const TelemetryDescription& description() const noexcept { return description_; }
   [[nodiscard]] std::size_t joints() const noexcept { return torques_.size(); }
   [[nodiscard]] std::uint64_t received() const noexcept { return received_; }
   /// Frames that are missing between the first and the last one received.

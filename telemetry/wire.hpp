@@ -1,4 +1,4 @@
-// Between our frames and the DDS types of idl/. Inside this room only.
+// Between our data and the DDS types of idl/. Inside this room only.
 // Any thread; allocates: only where a DDS type holds sequences; blocks: never.
 #pragma once
 
@@ -8,8 +8,10 @@
 #include <type_traits>
 
 #include "clamber_telemetry.h"
-#include "ros2_joint_state.h"
+#include "ros2_messages.h"
+#include "telemetry/event.hpp"
 #include "telemetry/frame.hpp"
+#include "telemetry/port.hpp"
 #include "telemetry/telemetry_config.hpp"
 
 namespace clamber {
@@ -21,7 +23,9 @@ static_assert(std::tuple_size_v<std::decay_t<decltype(msg::dds_::Frame_().force_
               kMaxContacts);
 
 /// Joint and force arrays become single precision: 1e-6 N m, and half the datagram.
-void to_wire(const TelemetryFrame& frame, msg::dds_::Frame_& wire) noexcept;
+/// @param planned_contacts one bit per contact that the frame's phase wants to carry
+void to_wire(const TelemetryRecord& record, std::uint32_t planned_contacts,
+             msg::dds_::Frame_& wire) noexcept;
 /// Counts beyond our arrays, which only a foreign writer can send, are cut to fit.
 [[nodiscard]] TelemetryFrame from_wire(const msg::dds_::Frame_& wire) noexcept;
 
@@ -29,6 +33,16 @@ void to_wire(const TelemetryFrame& frame, msg::dds_::Frame_& wire) noexcept;
                                               const TelemetryDescription& description);
 /// Names and limits beyond our arrays are left out.
 [[nodiscard]] TelemetryDescription from_wire(const msg::dds_::Description_& wire);
+
+/// @param nanoseconds stamp, since 1970
+[[nodiscard]] msg::dds_::Event_ to_wire(const TelemetryEvent& event, std::int64_t nanoseconds);
+[[nodiscard]] TelemetryEvent from_wire(const msg::dds_::Event_& wire);
+
+/// Simulation truth of a frame, apart. The caller numbers it.
+void to_contacts(const TelemetryFrame& frame, std::uint32_t planned_contacts,
+                 msg::dds_::Contacts_& wire) noexcept;
+
+[[nodiscard]] builtin_interfaces::msg::dds_::Time_ to_stamp(std::int64_t nanoseconds);
 
 /// Positions, velocities and measured torques; `state.name` says how many joints there are.
 /// @param nanoseconds stamp, since 1970

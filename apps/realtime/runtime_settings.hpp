@@ -1,5 +1,5 @@
 // How the control thread runs on this machine (configs/runtime/*.yaml): priority, processors,
-// memory, guards, the operator's socket.
+// memory, guards, the operator's socket, telemetry.
 // Start-up only: allocates, reads a file, throws InputError.
 #pragma once
 
@@ -8,6 +8,8 @@
 #include <filesystem>
 #include <string>
 #include <vector>
+
+#include "telemetry/telemetry_config.hpp"
 
 namespace clamber {
 
@@ -44,6 +46,7 @@ struct RuntimeSettings {
   double warm_up = 0.5;            ///< s from the first tick in which page faults are not counted
   GuardSettings guards;
   OperatorSettings operator_socket;
+  TelemetryConfig telemetry;  ///< of any run, paced or not
 };
 
 /// A thread like any other.

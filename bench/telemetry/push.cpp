@@ -10,14 +10,14 @@
 #include <thread>
 #include <vector>
 
-#include "telemetry/ring.hpp"
+#include "telemetry/port.hpp"
 
 namespace clamber {
 namespace {
 
 void copy_frame(benchmark::State& state) {
-  std::vector<TelemetryFrame> slots(4096);
-  const TelemetryFrame frame;
+  std::vector<TelemetryRecord> slots(4096);
+  const TelemetryRecord frame;
   std::size_t next = 0;
   for (auto _ : state) {
     slots[next++ % slots.size()] = frame;
@@ -27,9 +27,12 @@ void copy_frame(benchmark::State& state) {
 BENCHMARK(copy_frame);
 
 void push_full(benchmark::State& state) {
-  FrameRing ring(64);
+  TelemetryMemory memory;
+  TelemetryPort port(memory.block());
   const TelemetryFrame frame;
-  for (auto _ : state) benchmark::DoNotOptimize(ring.try_push(frame));
+  while (port.push(frame, {})) {
+  }
+  for (auto _ : state) benchmark::DoNotOptimize(port.push(frame, {}));
 }
 BENCHMARK(push_full);
 
@@ -37,9 +40,11 @@ BENCHMARK(push_full);
 /// timed, the clock's own cost (about 25 ns) included.
 void push_at_one_kilohertz(benchmark::State& state) {
   using Clock = std::chrono::steady_clock;
-  FrameRing ring;
-  std::jthread consumer([&ring](const std::stop_token& stop) {
-    std::array<TelemetryFrame, 10> out;
+  TelemetryMemory memory;
+  TelemetryPort port(memory.block());
+  std::jthread consumer([&memory](const std::stop_token& stop) {
+    RingConsumer<TelemetryRecord> ring(memory.block().records, memory.block().record_positions);
+    std::array<TelemetryRecord, 10> out;
     while (!stop.stop_requested()) {
       while (ring.pop(out) > 0) benchmark::DoNotOptimize(out);
       std::this_thread::sleep_for(std::chrono::milliseconds(10));
@@ -51,7 +56,7 @@ void push_at_one_kilohertz(benchmark::State& state) {
   for (auto _ : state) {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
     const auto before = Clock::now();
-    benchmark::DoNotOptimize(ring.try_push(frame));
+    benchmark::DoNotOptimize(port.push(frame, {}));
     const std::chrono::duration<double, std::nano> took = Clock::now() - before;
     nanoseconds.push_back(took.count());
     state.SetIterationTime(took.count() * 1e-9);
@@ -59,7 +64,7 @@ void push_at_one_kilohertz(benchmark::State& state) {
   std::sort(nanoseconds.begin(), nanoseconds.end());
   state.counters["p50_ns"] = nanoseconds[nanoseconds.size() / 2];
   state.counters["p99_ns"] = nanoseconds[nanoseconds.size() * 99 / 100];
-  state.counters["dropped"] = static_cast<double>(ring.dropped());
+  state.counters["dropped"] = static_cast<double>(memory.block().record_positions.dropped.load());
 }
 BENCHMARK(push_at_one_kilohertz)->UseManualTime()->Iterations(5000);
 

@@ -1,7 +1,6 @@
 // Settings, run loop and run log around the controller.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <time.h>
 
 #include <cmath>
 #include <fstream>
@@ -11,6 +10,7 @@
 #include "apps/run_log.hpp"
 #include "robot_model/loader.hpp"
 #include "robot_model/read_file.hpp"
+#include "tests/apps/plant_bus.hpp"
 #include "tests/control/test_plan.hpp"
 
 namespace clamber {
@@ -184,43 +184,6 @@ TEST(Pattern, StarStandsForAnything) {
   EXPECT_FALSE(matches("*H*S*x", "RHipSag"));
 }
 
-/// Independent joints that move one tick per exchange.
-class PlantBus final : public MotorBus {
- public:
-  explicit PlantBus(std::size_t joints) : robot_(joints) {}
-  int joint_count() const noexcept override { return static_cast<int>(robot_.plants.size()); }
-  BusStatus enable() override { return BusStatus::kOk; }
-  BusStatus exchange(std::span<const JointCommand> commands, std::span<JointState> states,
-                     std::int64_t deadline_ns) noexcept override {
-    ++counters_.exchanges;
-    if (counters_.exchanges == down_at_) return BusStatus::kDown;
-    if (counters_.exchanges == stall_at_) {
-      const timespec nap{.tv_sec = 0, .tv_nsec = 5'500'000};
-      nanosleep(&nap, nullptr);
-    }
-    std::copy(commands.begin(), commands.end(), robot_.commands.begin());
-    robot_.step(1e-3);
-    std::copy(robot_.states.begin(), robot_.states.end(), states.begin());
-    deadline_seen_ = deadline_ns;
-    return BusStatus::kOk;
-  }
-  bool set_failure_policy(FailurePolicy policy) noexcept override {
-    told_.emplace_back(counters_.exchanges, policy);
-    return true;
-  }
-  double failure_policy_delay() const noexcept override { return policy_delay_; }
-  void disable() noexcept override { disabled_ = true; }
-  BusCounters counters() const noexcept override { return counters_; }
-
-  test::PlantRobot robot_;
-  BusCounters counters_;
-  std::uint64_t down_at_ = 0, stall_at_ = 0;
-  std::int64_t deadline_seen_ = 0;
-  bool disabled_ = false;
-  double policy_delay_ = 0.0;
-  std::vector<std::pair<std::uint64_t, FailurePolicy>> told_;  ///< after so many exchanges
-};
-
 class Execution : public Files {
  protected:
   Execution() {
@@ -238,7 +201,7 @@ class Execution : public Files {
   std::vector<std::byte> image_;
   std::vector<double> workspace_;
   Controller controller_;
-  PlantBus bus_{3};
+  test::PlantBus bus_{3};
 };
 
 /// Drives that take long to be told are told the earlier.
@@ -252,7 +215,7 @@ TEST_F(Execution, TellsTheDrivesBeforeThePhaseBegins) {
   for (const double delay : {0.0, 0.05}) {
     Controller controller;
     ASSERT_EQ(controller.load(config_, test::kRobotHash, image, workspace).status, LoadStatus::kOk);
-    PlantBus bus(3);
+    test::PlantBus bus(3);
     bus.policy_delay_ = delay;
     ASSERT_EQ(execute(controller, bus, {}).status, TickStatus::kFinished);
     ASSERT_GE(bus.told_.size(), 2u);
@@ -273,7 +236,6 @@ TEST_F(Execution, LogsEveryTickOfAFullRun) {
                                                f.flags |= kFrameHasTruth;
                                                f.contact_count = 2;
                                              },
-                                         .sinks = {},
                                          .log = &writer});
   EXPECT_EQ(report.status, TickStatus::kFinished);
   EXPECT_EQ(report.ticks, controller_.expected_ticks() + 1);
@@ -298,7 +260,7 @@ TEST_F(Execution, TwoRunsWriteTheSameBytes) {
     Controller controller;
     ASSERT_EQ(controller.load(config_, test::kRobotHash, image_, workspace_).status,
               LoadStatus::kOk);
-    PlantBus bus(3);
+    test::PlantBus bus(3);
     RunLogWriter writer = make_log(folder_ / name, false);
     static_cast<void>(execute(controller, bus, {.log = &writer}));
   }

@@ -1,41 +1,33 @@
 // The publisher against subscribers in other processes: another vendor's DDS, and our monitor.
-#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sched.h>
-#include <spawn.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <csignal>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
+#include <iostream>
+#include <map>
 #include <sstream>
 #include <thread>
 
 #include "robot_model/loader.hpp"
 #include "telemetry/publisher.hpp"
-
-extern char** environ;
+#include "tests/telemetry/processes.hpp"
 
 namespace clamber {
 namespace {
 
 using namespace std::chrono_literals;
+using test::Child;
+using test::configure_cyclone;
+using test::next_domain;
 using testing::HasSubstr;
 
 constexpr int kJoints = 23;
 constexpr double kLimit = 30.0;
-
-// Domains whose ports stay below Linux's ephemeral ones; the process id keeps parallel runs apart.
-int next_domain() {
-  static int domain = static_cast<int>(getpid());
-  return 1 + ++domain % 100;
-}
 
 double torque(std::uint64_t tick, int joint) {
   return 20.0 * std::sin(0.001 * static_cast<double>(tick) + joint);
@@ -57,6 +49,9 @@ TelemetryFrame frame(std::uint64_t tick) {
     f.q[i] = angle(tick, j);
     f.dq[i] = 0.5 * angle(tick, j);
   }
+  f.flags = kFrameHasTruth;
+  f.contact_count = 2;
+  f.base_orientation = {1.0, 0.0, 0.0, 0.0};
   return f;
 }
 
@@ -67,6 +62,15 @@ TelemetryDescription description() {
   for (int j = 0; j < kJoints; ++j) d.joint_names.push_back(joint_name(j));
   d.torque_limits.assign(kJoints, kLimit);
   d.contact_names = {"l_wrist", "r_wrist"};
+  d.phases = {{"first", 3}, {"second", 1}};
+  d.base = "pelvis";
+  for (int j = 0; j < kJoints; ++j)
+    d.links.push_back({.name = "Link" + std::to_string(j),
+                       .parent = j == 0 ? "pelvis" : "Link" + std::to_string(j - 1),
+                       .joint = j,
+                       .position = {0.0, 0.0, 0.25}});
+  d.links.push_back({.name = "imu", .parent = "pelvis", .position = {0.0, 0.0, 0.5}});
+  d.urdf = std::string(100'000, 'u');  // more than one datagram
   return d;
 }
 
@@ -76,58 +80,6 @@ TelemetryConfig config(int domain) {
   c.robot = "test_robot";
   return c;
 }
-
-/// Another process with its standard output in a file.
-class Child {
- public:
-  explicit Child(std::vector<std::string> arguments)
-      : output_(
-            std::filesystem::temp_directory_path() /
-            ("clamber_telemetry_" + std::to_string(getpid()) + "_" + std::to_string(++started_))) {
-    std::vector<char*> argv;
-    for (std::string& argument : arguments) argv.push_back(argument.data());
-    argv.push_back(nullptr);
-    posix_spawn_file_actions_t actions;
-    posix_spawn_file_actions_init(&actions);
-    posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, output_.c_str(),
-                                     O_WRONLY | O_CREAT | O_TRUNC, 0600);
-    const int error = posix_spawn(&pid_, argv[0], &actions, nullptr, argv.data(), environ);
-    posix_spawn_file_actions_destroy(&actions);
-    if (error != 0) throw std::runtime_error("cannot start " + arguments[0]);
-  }
-  ~Child() {
-    if (pid_ > 0) {
-      kill(pid_, SIGKILL);
-      static_cast<void>(wait());
-    }
-    std::filesystem::remove(output_);
-  }
-  Child(const Child&) = delete;
-  Child& operator=(const Child&) = delete;
-
-  [[nodiscard]] bool running() const {
-    siginfo_t info{};
-    waitid(P_PID, static_cast<id_t>(pid_), &info, WEXITED | WNOHANG | WNOWAIT);
-    return info.si_pid == 0;
-  }
-  /// Its exit code, or -1 when it did not exit by itself.
-  int wait() {
-    int status = 0;
-    waitpid(pid_, &status, 0);
-    pid_ = -1;
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-  }
-  [[nodiscard]] std::string output() const {
-    std::ostringstream text;
-    text << std::ifstream(output_).rdbuf();
-    return text.str();
-  }
-
- private:
-  static inline int started_ = 0;
-  std::filesystem::path output_;
-  pid_t pid_ = -1;
-};
 
 /// Writer and reader learn of each other at different times: both must have. The frames' reader
 /// is the peer's last, and discovery keeps the order, so the others are known by then.
@@ -140,10 +92,18 @@ void wait_until_matched(const Publisher& publisher, const Child& peer) {
   FAIL() << "discovery took longer than 10 s";
 }
 
-void push_at(FrameRing& ring, std::uint64_t frames, std::chrono::nanoseconds period) {
+/// One event each second, the rest of which is frames.
+void push_at(TelemetryPort& port, std::uint64_t frames, std::chrono::nanoseconds period) {
   auto next = std::chrono::steady_clock::now();
   for (std::uint64_t tick = 0; tick < frames; ++tick) {
-    ASSERT_TRUE(ring.try_push(frame(tick)));
+    ASSERT_TRUE(port.push(frame(tick), {.tick_ns = 20'000, .overruns = tick / 100}));
+    if (tick % 1000 == 0) {
+      TelemetryEvent event;
+      event.tick = tick;
+      event.kind = EventKind::kPhase;
+      event.append("second " + std::to_string(tick / 1000));
+      ASSERT_TRUE(port.push(event));
+    }
     next += period;
     std::this_thread::sleep_until(next);
   }
@@ -163,7 +123,10 @@ class PeerLog {
       if (kind == 'F') frame_line(fields);
       if (kind == 'J') joint_state_line(fields);
       if (kind == 'D') description_ = line;
-      if (kind == 'U') user_data_ = line;
+      if (kind == 'U' || kind == 'E' || kind == 'G' || kind == 'X' || line.starts_with("URDF") ||
+          kind == 'R')
+        others_ += line + '\n';
+      if (kind == 'S') numbered_line(fields);
     }
   }
 
@@ -173,7 +136,9 @@ class PeerLog {
   std::uint64_t joint_states_ = 0;
   std::uint64_t joint_states_wrong_ = 0;
   std::string description_;
-  std::string user_data_;
+  std::string others_;
+  std::map<std::string, std::uint64_t> samples_;  ///< per topic
+  std::uint64_t samples_out_of_order_ = 0;
 
  private:
   void frame_line(std::istringstream& fields) {
@@ -194,6 +159,13 @@ class PeerLog {
       }
     }
     if (!right) ++frames_wrong_;
+  }
+
+  void numbered_line(std::istringstream& fields) {
+    std::string topic;
+    std::uint64_t number = 0;
+    fields >> topic >> number;
+    if (number != samples_[topic]++) ++samples_out_of_order_;
   }
 
   void joint_state_line(std::istringstream& fields) {
@@ -218,52 +190,72 @@ class PeerLog {
   }
 };
 
-/// Loopback without multicast, as Linux brings it up.
-void configure_cyclone() {
-  setenv("CYCLONEDDS_URI",
-         "<CycloneDDS><Domain id=\"any\"><General><Interfaces><NetworkInterface name=\"lo\" "
-         "multicast=\"false\"/></Interfaces><AllowMulticast>false</AllowMulticast></General>"
-         "<Discovery><ParticipantIndex>auto</ParticipantIndex>"
-         "<Peers><Peer address=\"127.0.0.1\"/></Peers></Discovery></Domain></CycloneDDS>",
-         1);
-}
-
 PeerLog publish_to_peer(std::uint64_t frames, std::chrono::nanoseconds period,
                         PublisherCounters& counters) {
   configure_cyclone();
   const int domain = next_domain();
-  Child peer({CYCLONE_PEER, std::to_string(domain), std::to_string(frames), "20"});
+  Child peer({CYCLONE_PEER, std::to_string(domain), std::to_string(frames), "80"});
   {
-    FrameRing ring;
-    Publisher publisher(config(domain), description(), ring);
+    TelemetryMemory memory;
+    TelemetryPort port(memory.block());
+    Publisher publisher(config(domain), description(), memory.block());
     wait_until_matched(publisher, peer);
-    push_at(ring, frames, period);
+    push_at(port, frames, period);
     publisher.stop();
-    counters = publisher.counters();
+    counters = counters_of(memory.block());
   }  // gone before the subscriber has read everything: what was sent must still count
   EXPECT_EQ(peer.wait(), 0);
   return PeerLog(peer.output());
 }
 
 TEST(PublisherToCyclone, EveryFrameArrivesAtOneKilohertz) {
-  constexpr std::uint64_t kFrames = 3000;
+  // docs/telemetry.md states the figures of a minute.
+  const char* asked = std::getenv("CLAMBER_TELEMETRY_SECONDS");
+  const std::uint64_t seconds = asked != nullptr ? std::strtoull(asked, nullptr, 10) : 3;
+  const std::uint64_t frames = 1000 * seconds;
   PublisherCounters counters;
-  const PeerLog log = publish_to_peer(kFrames, 1ms, counters);
+  const PeerLog log = publish_to_peer(frames, 1ms, counters);
+  std::cout << log.frames_ << " of " << frames << " frames, " << log.joint_states_ << " of "
+            << frames / 10 << " joint states\n";
 
-  EXPECT_EQ(counters.frames, kFrames);
-  EXPECT_EQ(counters.joint_states, kFrames / 10);
+  EXPECT_EQ(counters.frames, frames);
+  EXPECT_EQ(counters.joint_states, frames / 10);
   EXPECT_EQ(counters.refused, 0U);
   EXPECT_EQ(counters.ring_drops, 0U);
-  EXPECT_LE(counters.batches, kFrames / 2) << "frames are not batched";
+  EXPECT_LE(counters.batches, frames / 2) << "frames are not batched";
 
-  EXPECT_EQ(log.frames_, kFrames);
+  EXPECT_EQ(log.frames_, frames);
   EXPECT_EQ(log.frames_out_of_order_, 0U);
   EXPECT_EQ(log.frames_wrong_, 0U);
-  EXPECT_EQ(log.joint_states_, kFrames / 10);
+  EXPECT_EQ(log.joint_states_, frames / 10);
   EXPECT_EQ(log.joint_states_wrong_, 0U);
   EXPECT_THAT(log.description_, testing::StartsWith("D test_robot Joint0:30 Joint1:30 "));
-  EXPECT_THAT(log.user_data_, HasSubstr("typehash=RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd3"
-                                        "3a0350f11c5882bc9179260e;"));
+  for (const char* hash :
+       {"joint_states "
+        "typehash=RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e;",
+        "tf typehash=RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087;",
+        "robot_description "
+        "typehash=RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18;",
+        "diagnostics "
+        "typehash=RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e;"})
+    EXPECT_THAT(log.others_, HasSubstr(hash));
+
+  // The slower topics: every so manieth tick, in order.
+  EXPECT_EQ(log.samples_out_of_order_, 0U);
+  EXPECT_EQ(log.samples_.at("torque_margins"), frames / 50);
+  EXPECT_EQ(log.samples_.at("contacts"), frames / 20);
+  EXPECT_EQ(log.samples_.at("timing"), frames / 100);
+  EXPECT_EQ(log.samples_.at("bus"), frames / 100);
+  EXPECT_EQ(counters.events, frames / 1000);
+  for (const char* event : {"E 0 0 2 0 -1 second 0", "E 1 1000 2 0 -1 second 1"})
+    EXPECT_THAT(log.others_, HasSubstr(event));
+  EXPECT_THAT(log.others_, HasSubstr("X 1 imu:pelvis:1:0.5"));
+  EXPECT_THAT(log.others_, HasSubstr("X 24 pelvis:world:1:0 Link0:pelvis:"));
+  EXPECT_THAT(log.others_, HasSubstr("G 5 [test_robot: controller]=0"));
+  EXPECT_THAT(log.others_, HasSubstr("[test_robot: loop]=1")) << "overruns are a warning";
+  EXPECT_THAT(log.others_, HasSubstr("URDF 100000"));
+  EXPECT_THAT(log.others_, testing::Not(HasSubstr("READER")))
+      << "whoever publishes listens to somebody";
 }
 
 TEST(PublisherToCyclone, EveryFrameArrivesFromASimulationFiveTimesFaster) {
@@ -286,14 +278,15 @@ TEST(PublisherToCyclone, EveryFrameArrivesAtOneKilohertz) {
 
 TEST(Monitor, ShowsFromAnotherProcessTheTorquesThatWereSent) {
   const int domain = next_domain();
-  FrameRing ring;
-  Publisher publisher(config(domain), description(), ring);
+  TelemetryMemory memory;
+  TelemetryPort port(memory.block());
+  Publisher publisher(config(domain), description(), memory.block());
   Child monitor({MONITOR_PROCESS, std::to_string(domain), "1.5", "10"});
   for (std::uint64_t tick = 0; tick < 8000 && monitor.running(); ++tick) {
     TelemetryFrame f = frame(tick);
     f.tau_meas.fill(1.5);
     f.tau_meas[7] = tick % 500 == 250 ? -27.25 : 3.0;
-    ASSERT_TRUE(ring.try_push(f));
+    ASSERT_TRUE(port.push(f, {}));
     std::this_thread::sleep_for(1ms);
   }
   EXPECT_EQ(monitor.wait(), 0);
@@ -310,14 +303,58 @@ TEST(Monitor, FailsWhenNothingComes) {
   EXPECT_THAT(monitor.output(), HasSubstr("no telemetry from test_robot"));
 }
 
+/// Monitor's exit code for a publisher with credentials and a monitor with `credentials`.
+int monitor_secured(const std::string& publisher, const std::string& credentials) {
+  TelemetryConfig secured = config(next_domain());
+  secured.security = publisher;
+  TelemetryMemory memory;
+  TelemetryPort port(memory.block());
+  Publisher running(secured, description(), memory.block());
+  Child monitor({MONITOR_PROCESS, std::to_string(secured.domain), "0.3", "2.5", credentials});
+  for (std::uint64_t tick = 0; tick < 8000 && monitor.running(); ++tick) {
+    static_cast<void>(port.push(frame(tick), {}));
+    std::this_thread::sleep_for(1ms);
+  }
+  return monitor.wait();
+}
+
+TEST(Security, OnlyThoseWithCredentialsSeeAnything) {
+  const std::filesystem::path folder =
+      std::filesystem::path(testing::TempDir()) / ("clamber_security_" + std::to_string(getpid()));
+  const std::string script = std::string(CLAMBER_SOURCE_DIR) + "/scripts/dds_security";
+  Child make({script, folder.string()});
+  const int made = make.wait();
+  if (made == 2) GTEST_SKIP() << "skipped: no openssl";
+  ASSERT_EQ(made, 0);
+  const std::string publisher = folder / "publisher";
+  EXPECT_EQ(monitor_secured(publisher, folder / "subscriber"), 0);
+  EXPECT_EQ(monitor_secured(publisher, ""), 1) << "seen without credentials";
+  EXPECT_EQ(monitor_secured("", folder / "subscriber"), 1)
+      << "frames of whoever has no credentials were taken for the robot's";
+  // Another authority's are as good as none.
+  const std::filesystem::path other = folder / "other";
+  ASSERT_EQ(Child({script, other.string()}).wait(), 0);
+  EXPECT_EQ(monitor_secured(publisher, other / "subscriber"), 1);
+  std::filesystem::remove_all(folder);
+}
+
+TEST(Security, NamesTheFileThatIsMissing) {
+  TelemetryMemory memory;
+  TelemetryConfig secured = config(next_domain());
+  secured.security = "/nowhere";
+  EXPECT_THAT([&] { Publisher(secured, description(), memory.block()); },
+              testing::ThrowsMessage<InputError>(HasSubstr("/nowhere/ca.pem: no such file")));
+}
+
 TEST(Publisher, WorksWithoutSubscribersAndStopsTwice) {
-  FrameRing ring(64);
-  Publisher publisher(config(next_domain()), description(), ring);
-  for (std::uint64_t tick = 0; tick < 25; ++tick) ASSERT_TRUE(ring.try_push(frame(tick)));
+  TelemetryMemory memory;
+  TelemetryPort port(memory.block());
+  Publisher publisher(config(next_domain()), description(), memory.block());
+  for (std::uint64_t tick = 0; tick < 25; ++tick) ASSERT_TRUE(port.push(frame(tick), {}));
   publisher.stop();
   publisher.stop();
-  EXPECT_EQ(publisher.counters().frames, 25U);
-  EXPECT_EQ(publisher.counters().joint_states, 3U);
+  EXPECT_EQ(counters_of(memory.block()).frames, 25U);
+  EXPECT_EQ(counters_of(memory.block()).joint_states, 3U);
 }
 
 TEST(Publisher, RefusesToStartItsThreadsFromARealTimeThread) {
@@ -326,20 +363,87 @@ TEST(Publisher, RefusesToStartItsThreadsFromARealTimeThread) {
     if (sched_setscheduler(0, SCHED_FIFO, &priority) != 0) {
       GTEST_SKIP() << "skipped: no permission for SCHED_FIFO";
     }
-    FrameRing ring(64);
-    EXPECT_THROW(Publisher(config(next_domain()), description(), ring), std::logic_error);
+    TelemetryMemory memory;
+    EXPECT_THROW(Publisher(config(next_domain()), description(), memory.block()), std::logic_error);
   }).join();
 }
 
 TEST(Publisher, RefusesWhatItCannotDescribe) {
-  FrameRing ring(64);
+  TelemetryMemory memory;
   TelemetryDescription bad = description();
   bad.torque_limits.pop_back();
-  EXPECT_THROW(Publisher(config(next_domain()), bad, ring), InputError);
+  EXPECT_THROW(Publisher(config(next_domain()), bad, memory.block()), InputError);
   TelemetryConfig elsewhere = config(next_domain());
   elsewhere.interfaces = {"203.0.113.1"};
-  EXPECT_THROW(Publisher(elsewhere, description(), ring), InputError);
+  EXPECT_THROW(Publisher(elsewhere, description(), memory.block()), InputError);
+}
+
+// ---- interfaces
+
+constexpr const char* kInterfacesRole = "publish-in-a-namespace";
+constexpr int kNotAllowed = 77;
+
+/// In a network namespace of its own with two interfaces, of which DDS may use one: publishes, and
+/// lets tshark look at both. @return kNotAllowed, or 0 with "lo N dummy0 M" packets on the output
+int publish_in_a_namespace(const std::string& interface) {
+  if (std::system("ip link set lo up && ip link set lo multicast on && "
+                  "ip link add dummy0 type dummy && ip address add 10.99.0.1/24 dev dummy0 && "
+                  "ip link set dummy0 up multicast on 2> /dev/null") != 0)
+    return kNotAllowed;
+  const auto capture = [](const std::string& on) {
+    return std::vector<std::string>{
+        "/usr/bin/tshark", "-i", on,       "-a", "duration:4", "-Y", "rtps", "-T",
+        "fields",          "-e", "ip.dst", "-Q", "-l"};
+  };
+  Child on_loopback(capture("lo"));
+  Child on_dummy(capture("dummy0"));
+  std::this_thread::sleep_for(1500ms);  // until tshark listens
+  TelemetryConfig c = config(1);
+  c.interfaces = {interface};
+  {
+    TelemetryMemory memory;
+    TelemetryPort port(memory.block());
+    Publisher publisher(c, description(), memory.block());
+    for (std::uint64_t tick = 0; tick < 1000; ++tick) {
+      static_cast<void>(port.push(frame(tick), {}));
+      std::this_thread::sleep_for(1ms);
+    }
+  }
+  const int looked = on_loopback.wait() + on_dummy.wait();
+  if (looked != 0) return kNotAllowed;
+  const auto packets = [](const Child& child) {
+    const std::string lines = child.output();
+    return std::count(lines.begin(), lines.end(), '\n');
+  };
+  std::cout << "lo " << packets(on_loopback) << " dummy0 " << packets(on_dummy) << std::endl;
+  return 0;
+}
+
+TEST(Interfaces, NoPacketOnAnyOther) {
+  if (!std::filesystem::exists("/usr/bin/tshark"))
+    GTEST_SKIP() << "skipped: no tshark (Debian: tshark)";
+  const std::string self = std::filesystem::read_symlink("/proc/self/exe");
+  const auto run = [&](const char* interface) {
+    return std::vector<std::string>{"/usr/bin/unshare", "--net", self, kInterfacesRole, interface};
+  };
+  Child loopback(run("127.0.0.1"));
+  Child dummy(run("dummy0"));
+  const int first = loopback.wait();
+  const int second = dummy.wait();
+  if (first != 0 || second != 0)
+    GTEST_SKIP() << "skipped: no network namespaces, or tshark may not listen (" << first << ", "
+                 << second << ")";
+  EXPECT_THAT(loopback.output(), testing::MatchesRegex("lo [1-9][0-9]* dummy0 0\n"));
+  // Where it may, it does: what is sent to the own address of dummy0 passes over lo.
+  EXPECT_THAT(dummy.output(), testing::MatchesRegex("lo [0-9]+ dummy0 [1-9][0-9]*\n"));
 }
 
 }  // namespace
 }  // namespace clamber
+
+int main(int argc, char** argv) {
+  if (argc == 3 && argv[1] == std::string(clamber::kInterfacesRole))
+    return clamber::publish_in_a_namespace(argv[2]);
+  testing::InitGoogleTest(&argc, argv);
+  return RUN_ALL_TESTS();
+}

@@ -65,9 +65,9 @@ TEST(TorqueWatch, CountsGapsAndStartsAgainWithARun) {
 TEST(TorqueWatch, ShowsTorquesBeforeTheDescriptionHasCome) {
   TorqueWatch watch;
   watch.add(frame(0, 12.0, 0.0));
-  EXPECT_THAT(plain_line(watch, 0), HasSubstr("joint 0 12.00/? N m, limit unknown"));
+  EXPECT_THAT(plain_line({watch}), HasSubstr("joint 0 12.00/? N m, limit unknown"));
   watch.describe(kTwoJoints);
-  EXPECT_THAT(plain_line(watch, 0), HasSubstr("knee 12.00/30.0 N m, margin 60.0 %, peak 12.00"));
+  EXPECT_THAT(plain_line({watch}), HasSubstr("knee 12.00/30.0 N m, margin 60.0 %, peak 12.00"));
 }
 
 TEST(TorqueDisplay, PlainLineTellsClocksAndLosses) {
@@ -75,26 +75,70 @@ TEST(TorqueDisplay, PlainLineTellsClocksAndLosses) {
   watch.describe(kTwoJoints);
   watch.add(frame(1000, 0.0, 0.0));
   watch.add(frame(1002, 0.0, 0.0));
-  EXPECT_THAT(plain_line(watch, 5), HasSubstr("t 1.002 s"));
-  EXPECT_THAT(plain_line(watch, 5), HasSubstr("frames 2  lost 1  ring drops 5"));
+  EXPECT_THAT(plain_line({watch, 5}), HasSubstr("t 1.002 s"));
+  EXPECT_THAT(plain_line({watch, 5}), HasSubstr("frames 2  lost 1  ring drops 5"));
 }
 
 TEST(TorqueDisplay, DashboardKeepsTheWorstWhenRowsAreFew) {
   TorqueWatch watch;
   watch.describe(kTwoJoints);
   watch.add(frame(0, 15.0, 9.0));
-  EXPECT_THAT(dashboard(watch, 0, 24), HasSubstr("knee"));
-  EXPECT_THAT(dashboard(watch, 0, 24), HasSubstr("[##########################|...]"));
-  const std::string low = dashboard(watch, 0, 4);
+  EXPECT_THAT(dashboard({watch}, 24), HasSubstr("knee"));
+  EXPECT_THAT(dashboard({watch}, 24), HasSubstr("[##########################|...]"));
+  const std::string low = dashboard({watch}, 5);
   EXPECT_THAT(low, HasSubstr("wrist"));
   EXPECT_THAT(low, Not(HasSubstr("knee")));
+}
+
+TEST(TorqueWatch, CountsTheTimeAtTheLimit) {
+  TorqueWatch watch;
+  watch.describe(kTwoJoints);
+  for (std::uint64_t tick = 0; tick < 20; ++tick) {
+    TelemetryFrame f = frame(tick, 1.0, 1.0);
+    f.tau_limit = {30.0F, 10.0F};
+    f.tau_cmd[1] = tick >= 10 ? -10.0 : 9.0;
+    watch.add(f);
+  }
+  EXPECT_NEAR(watch.worst_first()[0].saturated, 0.010, 1e-12);
+  EXPECT_EQ(watch.worst_first()[1].saturated, 0.0);
+  EXPECT_THAT(plain_line({watch}),
+              HasSubstr("wrist 1.00/10.0 N m, margin 90.0 %, peak 1.00, 0.010 s at limit"));
+}
+
+TEST(TorqueDisplay, TellsStateLoopAndEvents) {
+  TorqueWatch watch;
+  TelemetryDescription names = kTwoJoints;
+  names.modes = {"boot", "executing"};
+  names.faults = {"none", "tracking error"};
+  names.phases = {{"State1", 3}};
+  watch.describe(names);
+  TelemetryFrame f = frame(5, 1.0, 1.0);
+  f.mode = f.fault = 1;
+  f.fault_joint = 1;
+  watch.add(f);
+  EXPECT_EQ(state_text(watch), "mode executing  phase 0 'State1'  fault tracking error at wrist");
+  TelemetryEvent event;
+  event.time = 1.5;
+  event.kind = EventKind::kFault;
+  event.severity = Severity::kError;
+  event.joint = 1;
+  event.append("tracking error");
+  const MonitorView view{
+      .torques = watch,
+      .loop = LoopFigures{.paced = true, .wakeup_p99 = 70.4, .overruns = 2, .restarts = 1},
+      .events = {event}};
+  EXPECT_THAT(plain_line(view), HasSubstr("wake-up p99 70 max 0 us"));
+  EXPECT_THAT(plain_line(view), HasSubstr("late 2"));
+  EXPECT_THAT(plain_line(view), HasSubstr("publisher restarted 1 times"));
+  EXPECT_THAT(dashboard(view, 24), HasSubstr("1.500 s  error    fault: tracking error at wrist"));
+  EXPECT_THAT(dashboard(view, 10), Not(HasSubstr("1.500 s  error")));
 }
 
 TEST(TorqueDisplay, OverloadDoesNotOverflowTheBar) {
   TorqueWatch watch;
   watch.describe(kTwoJoints);
   watch.add(frame(0, 1e6, -1e300));
-  EXPECT_THAT(dashboard(watch, 0, 24), HasSubstr("[#############################|]"));
+  EXPECT_THAT(dashboard({watch}, 24), HasSubstr("[#############################|]"));
 }
 
 }  // namespace
