@@ -27,8 +27,8 @@ struct LoopFigures {
 struct MonitorView {
   const TorqueWatch& torques;
   std::uint64_t ring_drops = 0;
-  std::optional<LoopFigures> loop;    ///< unknown before the first sample
-  std::deque<TelemetryEvent> events;  ///< the last ones, oldest first
+  std::optional<LoopFigures> loop = {};    ///< unknown before the first sample
+  std::deque<TelemetryEvent> events = {};  ///< the last ones, oldest first
 };
 
 /// "mode executing  phase 3 'swing Lknee'  fault none"

@@ -21,7 +21,12 @@ TelemetryFrame frame(std::uint64_t sequence, double first, double second) {
   return f;
 }
 
-const TelemetryDescription kTwoJoints{{"knee", "wrist"}, {30.0, 10.0}, {}};
+const TelemetryDescription kTwoJoints = [] {
+  TelemetryDescription description;
+  description.joint_names = {"knee", "wrist"};
+  description.torque_limits = {30.0, 10.0};
+  return description;
+}();
 
 TEST(TorqueWatch, SortsByMarginNotByTorque) {
   TorqueWatch watch;
