@@ -52,7 +52,7 @@ void RunEvents::tell_fault(const TelemetryFrame& frame) noexcept {
   const bool stands = frame.fault != 0;
   TelemetryEvent event =
       event_at(frame, EventKind::kFault, stands ? Severity::kError : Severity::kInfo);
-  event.joint = frame.fault_joint;
+  if (frame.fault_joint < kMaxJoints) event.joint = static_cast<std::int32_t>(frame.fault_joint);
   event.append(stands ? to_string(static_cast<FaultCode>(frame.fault)) : "acknowledged");
   (void)port_->push(event);
 }

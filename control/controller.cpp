@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 namespace clamber {
 namespace {
@@ -512,7 +511,7 @@ void Controller::report(States states, std::span<const JointCommand> commands,
   frame.phase = plan_.image.keyframes()[at_end ? plan_.image.size() - 1 : segment_].phase;
   frame.mode = static_cast<std::uint32_t>(state_.mode);
   frame.fault = static_cast<std::uint32_t>(state_.fault);
-  if (concerns_a_joint(state_.fault)) frame.fault_joint = static_cast<std::int32_t>(fault_joint_);
+  if (concerns_a_joint(state_.fault)) frame.fault_joint = fault_joint_;
   for (std::size_t j = 0; j < states.size(); ++j) {
     frame.q_ref[j] = reference_[j].q;
     frame.q[j] = states[j].q;
@@ -520,10 +519,9 @@ void Controller::report(States states, std::span<const JointCommand> commands,
     frame.tau_ff[j] = config_.feed_forward == FeedForward::kPlan ? reference_[j].tau : 0.0;
     frame.tau_cmd[j] = commands[j].tau;
     frame.tau_meas[j] = states[j].tau;
-    frame.tau_limit[j] = static_cast<float>(config_.joints[j].torque_limit);
-    frame.temperature[j] = static_cast<float>(states[j].temperature);
-    frame.age[j] = static_cast<std::uint16_t>(std::min<std::uint32_t>(
-        states[j].age, std::numeric_limits<std::uint16_t>::max()));
+    frame.tau_limit[j] = config_.joints[j].torque_limit;
+    frame.temperature[j] = states[j].temperature;
+    frame.age[j] = states[j].age;
     if ((states[j].flags & kJointFault) != 0) frame.joint_faults |= 1u << j;
   }
 }

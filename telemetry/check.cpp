@@ -170,11 +170,11 @@ double Check::quantity(const CheckSample& sample, std::size_t joint) const {
     case Quantity::kCommand:
       return frame.tau_cmd[joint];
     case Quantity::kMargin: {
-      const auto limit = static_cast<double>(frame.tau_limit[joint]);
+      const double limit = frame.tau_limit[joint];
       return limit > 0.0 ? 1.0 - std::abs(frame.tau_meas[joint]) / limit : 1.0;
     }
     case Quantity::kTemperature:
-      return static_cast<double>(frame.temperature[joint]);
+      return frame.temperature[joint];
     case Quantity::kAge:
       return frame.age[joint];
     case Quantity::kError:

@@ -58,9 +58,8 @@ std::string name_of(const std::vector<std::string>& names, std::uint32_t index) 
 DiagnosticStatus_ controller(const std::string& robot, const DiagnosticInputs& in) {
   const TelemetryFrame& frame = in.frame;
   const std::string fault = name_of(in.description.faults, frame.fault);
-  const std::string joint = frame.fault_joint >= 0
-                                ? " at " + name_of(in.description.joint_names,
-                                                   static_cast<std::uint32_t>(frame.fault_joint))
+  const std::string joint = frame.fault_joint < kMaxJoints
+                                ? " at " + name_of(in.description.joint_names, frame.fault_joint)
                                 : "";
   return Status(robot, "controller")
       .raise(frame.fault != 0, kError, "fault: " + fault + joint)

@@ -21,21 +21,21 @@ struct TelemetryFrame {
   double plan_time = 0.0;      ///< s on the plan's clock
   std::uint32_t joint_count = 0;
   std::uint32_t contact_count = 0;
-  std::uint32_t phase = 0;         ///< index of the plan's phase (a phase: constant contact set)
-  std::uint32_t flags = 0;         ///< bit 0: simulation truth below is valid
-  std::uint32_t mode = 0;          ///< the supervisor's Mode
-  std::uint32_t fault = 0;         ///< its FaultCode
-  std::int32_t fault_joint = -1;   ///< where the fault was seen; -1: at no joint
-  std::uint32_t joint_faults = 0;  ///< one bit per joint whose drive reports a fault
-  std::array<double, kMaxJoints> q_ref{};       ///< rad
-  std::array<double, kMaxJoints> q{};           ///< rad
-  std::array<double, kMaxJoints> dq{};          ///< rad/s
-  std::array<double, kMaxJoints> tau_ff{};      ///< N m, feed-forward
-  std::array<double, kMaxJoints> tau_cmd{};     ///< N m, commanded
-  std::array<double, kMaxJoints> tau_meas{};    ///< N m, measured
-  std::array<float, kMaxJoints> tau_limit{};    ///< N m, magnitude that the controller keeps to
-  std::array<float, kMaxJoints> temperature{};  ///< degree Celsius; 0 where no drive says it
-  std::array<std::uint16_t, kMaxJoints> age{};  ///< ticks since the reply that q, dq and tau are of
+  std::uint32_t phase = 0;  ///< index of the plan's phase (a phase: constant contact set)
+  std::uint32_t flags = 0;  ///< bit 0: simulation truth below is valid
+  std::uint32_t mode = 0;   ///< the supervisor's Mode
+  std::uint32_t fault = 0;  ///< its FaultCode
+  std::uint32_t fault_joint = kMaxJoints;     ///< where the fault was seen; kMaxJoints: at no joint
+  std::uint32_t joint_faults = 0;             ///< one bit per joint whose drive reports a fault
+  std::array<double, kMaxJoints> q_ref{};     ///< rad
+  std::array<double, kMaxJoints> q{};         ///< rad
+  std::array<double, kMaxJoints> dq{};        ///< rad/s
+  std::array<double, kMaxJoints> tau_ff{};    ///< N m, feed-forward
+  std::array<double, kMaxJoints> tau_cmd{};   ///< N m, commanded
+  std::array<double, kMaxJoints> tau_meas{};  ///< N m, measured
+  std::array<double, kMaxJoints> tau_limit{};    ///< N m, magnitude that the controller keeps to
+  std::array<double, kMaxJoints> temperature{};  ///< degree Celsius; 0 where no drive says it
+  std::array<double, kMaxJoints> age{};  ///< ticks since the reply that q, dq and tau_meas are of
   // Simulation truth (flags bit 0).
   std::array<double, 3> base_position{};     ///< m
   std::array<double, 4> base_orientation{};  ///< w x y z
@@ -47,8 +47,7 @@ struct TelemetryFrame {
 };
 static_assert(std::is_trivially_copyable_v<TelemetryFrame>);
 // The run log stores frames as they are: a gap would hold whatever was there before.
-static_assert(sizeof(TelemetryFrame) == 56 + 6 * 8 * kMaxJoints + (4 + 4 + 2) * kMaxJoints +
-                                            8 * (3 + 4 + 2 * kMaxContacts + 2));
+static_assert(sizeof(TelemetryFrame) == 56 + 8 * (9 * kMaxJoints + 3 + 4 + 2 * kMaxContacts + 2));
 
 inline constexpr std::uint32_t kFrameHasTruth = 1u << 0;
 

@@ -13,10 +13,6 @@ void keep_larger(double& kept, double torque) noexcept {
   if (std::abs(torque) > std::abs(kept)) kept = torque;
 }
 
-double limit_of(const TelemetryFrame& frame, std::size_t joint) noexcept {
-  return static_cast<double>(frame.tau_limit[joint]);
-}
-
 }  // namespace
 
 void TorqueSummary::add(const TelemetryFrame& frame) noexcept {
@@ -24,7 +20,7 @@ void TorqueSummary::add(const TelemetryFrame& frame) noexcept {
   for (std::size_t j = 0; j < frame.joint_count; ++j) {
     keep_larger(window_[j], frame.tau_meas[j]);
     keep_larger(run_[j], frame.tau_meas[j]);
-    const double limit = limit_of(frame, j);
+    const double limit = frame.tau_limit[j];
     const double torque = std::max(std::abs(frame.tau_cmd[j]), std::abs(frame.tau_meas[j]));
     if (limit > 0.0 && torque >= kSaturated * limit) ++saturated_[j];
   }
@@ -37,13 +33,13 @@ void TorqueSummary::take(msg::dds_::TorqueMargins_& wire) noexcept {
   double least = INFINITY;
   std::uint32_t worst = 0;
   for (std::uint32_t j = 0; j < last_.joint_count; ++j) {
-    const double limit = limit_of(last_, j);
+    const double limit = last_.tau_limit[j];
     const double margin = limit > 0.0 ? 1.0 - std::abs(window_[j]) / limit : 1.0;
     if (margin < least) {
       least = margin;
       worst = j;
     }
-    wire.tau_limit()[j] = last_.tau_limit[j];
+    wire.tau_limit()[j] = static_cast<float>(limit);
     wire.tau_peak()[j] = static_cast<float>(window_[j]);
     wire.margin()[j] = static_cast<float>(margin);
     wire.tau_peak_run()[j] = static_cast<float>(run_[j]);
@@ -107,9 +103,11 @@ void BusSummary::take(msg::dds_::BusHealth_& wire) noexcept {
   wire.late(last_.loop.late_exchanges);
   wire.joint_count(last_.frame.joint_count);
   wire.joint_faults(last_.frame.joint_faults);
-  wire.oldest() = oldest_;
-  wire.temperature() = last_.frame.temperature;
-  oldest_.fill(0);
+  for (std::size_t j = 0; j < oldest_.size(); ++j) {
+    wire.oldest()[j] = static_cast<std::uint16_t>(std::min(oldest_[j], 65535.0));
+    wire.temperature()[j] = static_cast<float>(last_.frame.temperature[j]);
+  }
+  oldest_.fill(0.0);
 }
 
 }  // namespace clamber

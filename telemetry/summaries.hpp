@@ -55,7 +55,7 @@ class BusSummary {
   void take(msg::dds_::BusHealth_& wire) noexcept;
 
  private:
-  std::array<std::uint16_t, kMaxJoints> oldest_{};
+  std::array<double, kMaxJoints> oldest_{};  ///< ticks
   TelemetryRecord last_;
 };
 

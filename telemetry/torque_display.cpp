@@ -97,8 +97,8 @@ std::string state_text(const TorqueWatch& watch) {
   std::string text = "mode " + name_of(names.modes, frame.mode) + format("  phase %u", frame.phase);
   if (frame.phase < names.phases.size()) text += " '" + names.phases[frame.phase].name + "'";
   text += "  fault " + (frame.fault == 0 ? "none" : name_of(names.faults, frame.fault));
-  if (frame.fault_joint >= 0)
-    text += " at " + name_of(names.joint_names, static_cast<std::uint32_t>(frame.fault_joint));
+  if (frame.fault_joint < kMaxJoints)
+    text += " at " + name_of(names.joint_names, frame.fault_joint);
   return text;
 }
 

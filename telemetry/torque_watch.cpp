@@ -48,7 +48,7 @@ void TorqueWatch::add(const TelemetryFrame& frame) {
     torques_[j].now = frame.tau_meas[j];
     keep_larger(torques_[j].window, frame.tau_meas[j]);
     keep_larger(torques_[j].peak, frame.tau_meas[j]);
-    const double limit = static_cast<double>(frame.tau_limit[j]);
+    const double limit = frame.tau_limit[j];
     const double torque = std::max(std::abs(frame.tau_meas[j]), std::abs(frame.tau_cmd[j]));
     if (limit > 0.0 && torque >= kSaturated * limit) torques_[j].saturated += elapsed;
   }

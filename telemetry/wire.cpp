@@ -16,6 +16,15 @@ float microseconds(std::int64_t ns) noexcept {
   return static_cast<float>(1e-3 * static_cast<double>(ns));
 }
 
+std::int32_t joint_or_none(std::uint32_t joint) noexcept {
+  return joint < kMaxJoints ? static_cast<std::int32_t>(joint) : -1;
+}
+
+/// Beyond what fits, the largest that does.
+std::uint16_t to_ticks(double age) noexcept {
+  return static_cast<std::uint16_t>(std::clamp(age, 0.0, 65535.0));
+}
+
 template <typename Wire>
 void copy_forces(const TelemetryFrame& frame, Wire& wire) noexcept {
   copy(frame.force_obstacle, wire.force_obstacle());
@@ -46,7 +55,7 @@ void to_wire(const TelemetryRecord& record, std::uint32_t planned_contacts,
   wire.flags(frame.flags);
   wire.mode(frame.mode);
   wire.fault(frame.fault);
-  wire.fault_joint(frame.fault_joint);
+  wire.fault_joint(joint_or_none(frame.fault_joint));
   wire.joint_faults(frame.joint_faults);
   wire.planned_contacts(planned_contacts);
   copy(frame.q_ref, wire.q_ref());
@@ -57,7 +66,7 @@ void to_wire(const TelemetryRecord& record, std::uint32_t planned_contacts,
   copy(frame.tau_meas, wire.tau_meas());
   copy(frame.tau_limit, wire.tau_limit());
   copy(frame.temperature, wire.temperature());
-  copy(frame.age, wire.age());
+  std::transform(frame.age.begin(), frame.age.end(), wire.age().begin(), to_ticks);
   copy(frame.base_position, wire.base_position());
   copy(frame.base_orientation, wire.base_orientation());
   copy_forces(frame, wire);
@@ -77,7 +86,9 @@ TelemetryFrame from_wire(const msg::dds_::Frame_& wire) noexcept {
   frame.flags = wire.flags();
   frame.mode = wire.mode();
   frame.fault = wire.fault();
-  frame.fault_joint = wire.fault_joint();
+  frame.fault_joint = wire.fault_joint() >= 0 && wire.fault_joint() < kMaxJoints
+                          ? static_cast<std::uint32_t>(wire.fault_joint())
+                          : kMaxJoints;
   frame.joint_faults = wire.joint_faults();
   copy(wire.q_ref(), frame.q_ref);
   copy(wire.q(), frame.q);

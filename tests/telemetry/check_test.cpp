@@ -16,8 +16,8 @@ CheckSample sample(double first, double second) {
   CheckSample s;
   s.frame.joint_count = 2;
   s.frame.tau_meas = {first, second};
-  s.frame.tau_limit = {30.0F, 10.0F};
-  s.frame.temperature = {40.0F, 50.0F};
+  s.frame.tau_limit = {30.0, 10.0};
+  s.frame.temperature = {40.0, 50.0};
   s.frame.age = {0, 3};
   s.frame.q_ref = {0.5, 0.5};
   s.frame.q = {0.5, 0.75};

@@ -100,7 +100,7 @@ TEST(TorqueWatch, CountsTheTimeAtTheLimit) {
   watch.describe(kTwoJoints);
   for (std::uint64_t tick = 0; tick < 20; ++tick) {
     TelemetryFrame f = frame(tick, 1.0, 1.0);
-    f.tau_limit = {30.0F, 10.0F};
+    f.tau_limit = {30.0, 10.0};
     f.tau_cmd[1] = tick >= 10 ? -10.0 : 9.0;
     watch.add(f);
   }
