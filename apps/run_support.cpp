@@ -159,11 +159,9 @@ RunTelemetry::RunTelemetry(const RobotModel& model, const TelemetryConfig& wante
 void RunTelemetry::wait_for_room() {
   const RingPositions& ring = memory_.block().record_positions;
   const auto start = std::chrono::steady_clock::now();
-  const std::uint64_t read = ring.read;
   while (waits_ && ring.size() + 1 >= TelemetryBlock::kRecords) {
     std::this_thread::sleep_for(std::chrono::microseconds(200));
-    const bool patient = std::chrono::steady_clock::now() - start < std::chrono::seconds(2);
-    waits_ = patient || ring.read != read;
+    waits_ = std::chrono::steady_clock::now() - start < std::chrono::seconds(2);
   }
 }
 

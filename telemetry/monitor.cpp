@@ -199,12 +199,17 @@ MonitorOutcome run_monitor(const MonitorOptions& options, std::ostream& out) {
 
   const Seconds period = options.plain ? kPlainPeriod : kDashboardPeriod;
   const auto first = Clock::now();
-  for (int shown = 1; !options.duration || Clock::now() - first < Seconds(*options.duration);) {
+  auto next = first + std::chrono::duration_cast<Clock::duration>(period);
+  const auto over = [&] {
+    return options.duration && Clock::now() - first >= Seconds(*options.duration);
+  };
+  for (bool last = false; !last;) {
     subscription.receive(watch, view, checks);
     const bool gone = ends && subscription.publisher_gone();
     if (gone) subscription.receive(watch, view, checks);  // what came since
-    if (Clock::now() - first < shown * period && !gone) continue;
-    ++shown;
+    last = gone || over();
+    if (Clock::now() < next && !last) continue;
+    next += std::chrono::duration_cast<Clock::duration>(period);
     if (options.plain) {
       print_new_events(view, subscription.new_events(), out);
       out << plain_line(view) << '\n' << std::flush;
@@ -212,7 +217,6 @@ MonitorOutcome run_monitor(const MonitorOptions& options, std::ostream& out) {
       out << dashboard(view, options.rows) << std::flush;
     }
     watch.start_window();
-    if (gone) break;
   }
   print_summary(watch, out);
   const bool passed = print_checks(checks, out);

@@ -33,7 +33,7 @@ constexpr auto kDrainPeriod = 10ms;
 constexpr int kBatchesPerBurst = 8;
 constexpr auto kBetweenBursts = 1ms;
 constexpr auto kBetweenDiagnostics = 1s;
-constexpr std::int32_t kAcknowledgeSeconds = 1;
+constexpr auto kAcknowledgeTime = 1s;
 
 // Every so many ticks.
 constexpr std::uint64_t kJointStates = 10;
@@ -99,10 +99,12 @@ class Publisher::Impl {
     // acknowledges what was sent after the last frame has that frame. Without it, word that the
     // publisher has gone can overtake the end of the run.
     write(*description_writer_, &described_);
-    const Duration_t bound(kAcknowledgeSeconds, 0);
-    joint_states_->wait_for_acknowledgments(bound);
-    events_writer_->wait_for_acknowledgments(bound);
-    description_writer_->wait_for_acknowledgments(bound);
+    const auto until = Clock::now() + kAcknowledgeTime;
+    for (dds::DataWriter* writer : {joint_states_, events_writer_, description_writer_}) {
+      const auto left = std::max<Clock::duration>(until - Clock::now(), Clock::duration::zero());
+      writer->wait_for_acknowledgments(
+          Duration_t(std::chrono::duration<long double>(left).count()));
+    }
   }
 
   int frame_readers() const {
@@ -298,8 +300,9 @@ class Publisher::Impl {
 
   void tell(const std::string& text) {
     TelemetryEvent event;
-    event.tick = last_frame_.sequence;
-    event.time = last_frame_.time;
+    // A publisher that has just begun has seen no frame yet, but the one before it had.
+    event.tick = state_.next_tick;
+    event.time = description_.dt * static_cast<double>(event.tick);
     event.phase = last_frame_.phase;
     event.kind = EventKind::kTelemetry;
     event.severity = Severity::kWarning;

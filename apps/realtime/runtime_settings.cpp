@@ -53,9 +53,8 @@ OperatorSettings read_operator(const YamlNode& node) {
   return settings;
 }
 
-TelemetryConfig read_telemetry(const YamlNode& node) {
+void read_telemetry(const YamlNode& node, TelemetryConfig& config) {
   node.allow_only({"domain", "interfaces", "process", "security"});
-  TelemetryConfig config;
   if (const auto found = node.find("domain")) config.domain = whole_number(*found, 0, 232);
   if (const auto found = node.find("interfaces")) config.interfaces = found->texts();
   if (const auto found = node.find("process")) {
@@ -65,7 +64,6 @@ TelemetryConfig read_telemetry(const YamlNode& node) {
     config.separate_process = word == "separate";
   }
   if (const auto found = node.find("security")) config.security = found->text();
-  return config;
 }
 
 }  // namespace
@@ -75,6 +73,7 @@ RuntimeSettings load_runtime_settings(const std::filesystem::path& file) {
   root.allow_only({"priority", "processors", "lock_memory", "stack_kb", "required", "warm_up",
                    "guards", "operator", "telemetry"});
   RuntimeSettings settings;
+  settings.telemetry.separate_process = true;
   if (const auto node = root.find("priority")) settings.priority = whole_number(*node, 0, 99);
   if (const auto node = root.find("processors"))
     for (const YamlNode& item : node->items())
@@ -86,7 +85,7 @@ RuntimeSettings load_runtime_settings(const std::filesystem::path& file) {
   if (const auto node = root.find("warm_up")) settings.warm_up = node->non_negative();
   if (const auto node = root.find("guards")) settings.guards = read_guards(*node);
   if (const auto node = root.find("operator")) settings.operator_socket = read_operator(*node);
-  if (const auto node = root.find("telemetry")) settings.telemetry = read_telemetry(*node);
+  if (const auto node = root.find("telemetry")) read_telemetry(*node, settings.telemetry);
   return settings;
 }
 

@@ -156,6 +156,7 @@ void our_slice(Path& path, double seconds, const char* program) {
     while (publisher.frame_readers() == 0) usleep(10'000);
     usleep(300'000);
     tick(path, seconds, [&port](const TelemetryFrame& frame) { (void)port.push(frame, {}); });
+    usleep(200'000);
   }
   subscriber.collect(path.ages);
 }

@@ -28,8 +28,8 @@ inline TelemetryFrame made_frame(std::uint64_t tick) {
   const auto fill = [&](auto& array, std::size_t used) {
     for (std::size_t i = 0; i < used; ++i) array[i] = value += 0.125;
   };
-  for (PerJoint* array :
-       {&frame.q_ref, &frame.q, &frame.dq, &frame.tau_ff, &frame.tau_cmd, &frame.tau_meas})
+  for (PerJoint* array : {&frame.q_ref, &frame.q, &frame.dq, &frame.tau_ff, &frame.tau_cmd,
+                          &frame.tau_meas, &frame.tau_limit, &frame.temperature, &frame.age})
     fill(*array, kJoints);
   for (PerContact* array : {&frame.force_obstacle, &frame.force_floor}) fill(*array, kContacts);
   frame.plan_time = 0.5 * frame.time;

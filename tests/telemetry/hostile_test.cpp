@@ -19,7 +19,6 @@
 
 #include "apps/executor.hpp"
 #include "apps/run_log.hpp"
-#include "robot_model/read_file.hpp"
 #include "telemetry/publisher.hpp"
 #include "telemetry/publisher_process.hpp"
 #include "tests/apps/plant_bus.hpp"
@@ -77,9 +76,10 @@ std::string run_plan(bool realtime, TelemetryPort* port, ExecutorReport& report)
   options.log = &log;
   options.telemetry = port;
   report = execute(controller, bus, options);
-  std::string bytes = read_file(file);
+  std::ostringstream bytes;
+  bytes << std::ifstream(file, std::ios::binary).rdbuf();
   std::filesystem::remove(file);
-  return bytes;
+  return bytes.str();
 }
 
 const std::string& undisturbed() {
@@ -97,16 +97,15 @@ struct Outcome {
 };
 
 /// A paced run with the publisher in a process of its own; `disturb` goes on beside it.
-using Disturbance = std::function<void(const PublisherProcess&, const std::atomic<bool>& running)>;
+using Disturbance = std::function<void(const PublisherProcess&, const std::stop_token& over)>;
 Outcome run_disturbed(int domain, const Disturbance& disturb) {
   TelemetryMemory memory(TelemetryMemory::Kind::kShared);
   TelemetryPort port(memory.block());
   PublisherProcess publisher(config(domain), description(), memory, {self(), kPublisherRole});
-  std::atomic<bool> running{true};
-  std::jthread beside([&] { disturb(publisher, running); });
+  std::jthread beside([&](const std::stop_token& over) { disturb(publisher, over); });
   Outcome outcome;
   outcome.log = run_plan(true, &port, outcome.report);
-  running = false;
+  beside.request_stop();
   beside.join();
   publisher.stop();
   outcome.counters = counters_of(memory.block());
@@ -136,13 +135,13 @@ TEST(Hostile, SubscribersThatStallDawdleCrashAndComeLate) {
   Child crashing(subscriber(domain, "20"));
   std::this_thread::sleep_for(500ms);
   const Outcome outcome = run_disturbed(
-      domain, [&](const PublisherProcess& /*publisher*/, const std::atomic<bool>& running) {
+      domain, [&](const PublisherProcess& /*publisher*/, const std::stop_token& over) {
         std::this_thread::sleep_for(300ms);
         stalled.send(SIGSTOP);
         std::this_thread::sleep_for(200ms);
         crashing.send(SIGKILL);
         Child late(subscriber(domain, "20"));
-        while (running) {  // awake for a tenth of its time
+        while (!over.stop_requested()) {  // awake for a tenth of its time
           slow.send(SIGSTOP);
           std::this_thread::sleep_for(90ms);
           slow.send(SIGCONT);
@@ -157,14 +156,15 @@ TEST(Hostile, SubscribersThatStallDawdleCrashAndComeLate) {
 
 TEST(Hostile, PublisherProcessIsKilledTwice) {
   const int domain = next_domain();
-  const Outcome outcome = run_disturbed(
-      domain, [&](const PublisherProcess& publisher, const std::atomic<bool>& running) {
-        for (int killed = 0; killed < 2 && running; ++killed) {
+  const Outcome outcome =
+      run_disturbed(domain, [&](const PublisherProcess& publisher, const std::stop_token& over) {
+        for (int killed = 0; killed < 2 && !over.stop_requested(); ++killed) {
           std::this_thread::sleep_for(200ms);
           const int process = publisher.process_id();
           ASSERT_GT(process, 0);
           kill(process, SIGKILL);
-          while (running && (publisher.process_id() < 0 || publisher.process_id() == process))
+          while (!over.stop_requested() &&
+                 (publisher.process_id() < 0 || publisher.process_id() == process))
             std::this_thread::sleep_for(1ms);
           std::this_thread::sleep_for(200ms);
         }
@@ -197,7 +197,7 @@ TEST(Hostile, WhoComesLateLearnsThatThePublisherWasRestarted) {
     std::this_thread::sleep_for(1ms);
   }
   EXPECT_EQ(monitor.wait(), 2) << "MonitorOutcome::kCheckFailed";
-  EXPECT_THAT(monitor.output(), HasSubstr("mode: boot -> "));
+  EXPECT_THAT(monitor.output(), HasSubstr("mode: moving to start -> executing"));
   EXPECT_THAT(monitor.output(), HasSubstr("phase: phase 2"));
   EXPECT_THAT(monitor.output(),
               HasSubstr("telemetry: the publisher's process died and was started"));
@@ -302,7 +302,7 @@ TEST(Hostile, AThousandMalformedDatagrams) {
   std::size_t real = 0;
   std::vector<Datagram> malformed;
   const Outcome outcome = run_disturbed(
-      domain, [&](const PublisherProcess& /*publisher*/, const std::atomic<bool>& /*running*/) {
+      domain, [&](const PublisherProcess& /*publisher*/, const std::stop_token& /*over*/) {
         Listener listener(domain);
         const std::vector<Datagram> heard = listener.hear(600ms, 2000);
         real = heard.size();
@@ -315,7 +315,8 @@ TEST(Hostile, AThousandMalformedDatagrams) {
   ASSERT_GT(real, 0U) << "nothing was heard that could be mutated";
   EXPECT_EQ(malformed.size(), kDatagrams);
   expect_same_commands(outcome);
-  // DDS may have died of it: then it was started again, which is the point of its own process.
+  // Debian's Fast DDS 2.9.1 dies of it (an assertion about a statistics submessage) and is started
+  // again, which is the point of its own process.
   std::cout << real << " real datagrams heard; the publisher was restarted "
             << outcome.counters.restarts << " times, " << outcome.counters.gaps << " frames lost\n";
 }
@@ -344,19 +345,23 @@ int run_with_full_shm() {
 TEST(Hostile, FullSharedMemory) {
   Child run({"/usr/bin/unshare", "--mount", "--propagation", "private", self(), kFullRole});
   const int result = run.wait();
-  if (result == 77 || run.output().find("unshare failed") != std::string::npos)
-    GTEST_SKIP() << "skipped: no mount namespaces here";
+  // unshare itself ends with 1 where it is not allowed.
+  if (result == 77 || result == 1) GTEST_SKIP() << "skipped: no mount namespaces here";
   EXPECT_EQ(result, 0);
 }
 
 TEST(PublisherProcess, LeavesNothingBehindWhenItsParentIsGone) {
+  // What Fast DDS or we would leave there; other programs come and go.
   const auto in_shm = [] {
     std::vector<std::string> names;
-    for (const auto& entry : std::filesystem::directory_iterator("/dev/shm"))
-      if (entry.path().filename().string().find("clamber") != std::string::npos)
-        names.push_back(entry.path());
+    for (const auto& entry : std::filesystem::directory_iterator("/dev/shm")) {
+      const std::string name = entry.path().filename();
+      if (name.starts_with("fast") || name.starts_with("clamber-telemetry")) names.push_back(name);
+    }
+    std::sort(names.begin(), names.end());
     return names;
   };
+  const auto before = in_shm();
   int process = -1;
   {
     TelemetryMemory memory(TelemetryMemory::Kind::kShared);
@@ -370,7 +375,7 @@ TEST(PublisherProcess, LeavesNothingBehindWhenItsParentIsGone) {
     EXPECT_EQ(publisher.process_id(), process);
   }
   EXPECT_NE(kill(process, 0), 0) << "it still runs";
-  EXPECT_THAT(in_shm(), testing::IsEmpty());
+  EXPECT_EQ(in_shm(), before);
 }
 
 TEST(PublisherProcess, SaysWhyItCannotBeStarted) {
