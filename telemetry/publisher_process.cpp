@@ -8,6 +8,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cerrno>
 #include <chrono>
@@ -181,26 +182,32 @@ class PublisherProcess::Impl {
     std::mutex mutex;
     std::condition_variable_any wake;
     std::unique_lock lock(mutex);
-    const auto pause = [&](Clock::duration time) {
-      wake.wait_for(lock, stop, time, [] { return false; });
-    };
     Clock::duration before_next = kFirstPause;
+    std::optional<Clock::time_point> start_at;
     while (!stop.stop_requested()) {
+      // Whoever watches the run must not take a DDS that is down for a run that is stuck.
+      ++block_.publisher.rounds;
+      const auto now = Clock::now();
       if (!ended()) {
-        pause(kLook);
-        continue;
+        start_at.reset();
+      } else if (!start_at) {
+        if (now - started_ > kStable) before_next = kFirstPause;
+        start_at = now + before_next;
+        before_next = std::min<Clock::duration>(2 * before_next, kLongestPause);
+      } else if (now >= *start_at) {
+        start_at.reset();
+        start_again();
       }
-      if (Clock::now() - started_ > kStable) before_next = kFirstPause;
-      pause(before_next);
-      before_next = std::min<Clock::duration>(2 * before_next, kLongestPause);
-      if (stop.stop_requested()) return;
-      ++block_.publisher.restarts;
-      try {
-        start();
-      } catch (const std::runtime_error&) {
-        // The pause before the next attempt is longer.
-        started_ = Clock::now();
-      }
+      wake.wait_for(lock, stop, kLook, [] { return false; });
+    }
+  }
+
+  void start_again() {
+    ++block_.publisher.restarts;
+    try {
+      start();
+    } catch (const std::runtime_error&) {
+      started_ = Clock::now();  // the pause before the next attempt is longer
     }
   }
 
