@@ -189,9 +189,9 @@ TEST(Tick, RefusesBytesThatAreTooFewAndArraysThatAreTooLong) {
   EXPECT_TRUE(same(frame, made_frame(7)));
   for (std::size_t size = 0; size < bytes.size(); ++size)
     ASSERT_FALSE(decode_tick(std::string_view(bytes).substr(0, size), frame)) << size;
-  // The length of q_ref: after the encapsulation header, three times 8 and twice 4 bytes.
+  // The length of q_ref: after the encapsulation header, three times 8 and six times 4 bytes.
   std::string longer = bytes;
-  longer[4 + 32] = kMaxJoints + 1;
+  longer[4 + 48] = kMaxJoints + 1;
   EXPECT_FALSE(decode_tick(longer, frame));
 }
 

@@ -40,7 +40,7 @@ TEST(Csv, KeepsEveryBit) {
   std::string line;
   ASSERT_TRUE(std::getline(in, line));
   const std::vector<std::string> names = cells(line);
-  EXPECT_EQ(names.size(), 5U + 6 * test::kJoints + 3 + 4 + 2 * test::kContacts + 2);
+  EXPECT_EQ(names.size(), 9U + 9 * test::kJoints + 3 + 4 + 2 * test::kContacts + 2);
   const auto column = static_cast<std::size_t>(
       std::find(names.begin(), names.end(), "tau_meas.Joint22 [N m]") - names.begin());
   ASSERT_LT(column, names.size());
