@@ -52,7 +52,10 @@ std::set<int> parse_processors(const std::string& list) {
 
 std::string join(const std::set<int>& processors) {
   std::string text;
-  for (const int i : processors) text += (text.empty() ? "" : ",") + std::to_string(i);
+  for (const int i : processors) {
+    if (!text.empty()) text += ',';
+    text += std::to_string(i);
+  }
   return text;
 }
 

@@ -84,8 +84,17 @@ class ServiceTest : public testing::Test {
   std::jthread loop_;
 };
 
+ServiceHealth health_of(const std::string& bundle, int joints, int heard) {
+  ServiceHealth health;
+  health.bundle = bundle;
+  health.process = getpid();
+  health.joints = joints;
+  health.heard = heard;
+  return health;
+}
+
 TEST_F(ServiceTest, ReadyOnceThenFed) {
-  const ServiceMonitor monitor(sources(), {.joints = 3, .heard = 3}, file());
+  const ServiceMonitor monitor(sources(), health_of("", 3, 3), file());
   ASSERT_TRUE(hears("READY=1"));
   for (int i = 0; i < 3; ++i) EXPECT_EQ(hear(5000), "WATCHDOG=1");
   const std::optional<ServiceHealth> health = load_health(file());
@@ -139,7 +148,7 @@ TEST_F(ServiceTest, AtTheEndTheManagerIsToldToWait) {
 TEST_F(ServiceTest, HealthIsWhatTheGateAsksFor) {
   const HealthSettings quick{.time = 0.3, .timeout = 20.0, .overruns = 0};
   const HealthSettings short_one{.time = 0.3, .timeout = 0.5, .overruns = 0};
-  ServiceHealth health{.bundle = "new", .process = getpid(), .joints = 2, .heard = 2};
+  ServiceHealth health = health_of("new", 2, 2);
   const auto refused = [&](const std::string& bundle, const char* why) {
     EXPECT_THAT([&] { await_health(file(), bundle, short_one, {}); },
                 ThrowsMessage<JobFailed>(HasSubstr(why)));
@@ -164,8 +173,8 @@ TEST_F(ServiceTest, HealthIsWhatTheGateAsksFor) {
 
 TEST_F(ServiceTest, LateTicksAndADeadProcessAreNotHealthy) {
   const HealthSettings settings{.time = 5.0, .timeout = 0.6, .overruns = 3};
-  ServiceHealth health{
-      .bundle = "new", .process = getpid(), .ready = true, .joints = 1, .heard = 1};
+  ServiceHealth health = health_of("new", 1, 1);
+  health.ready = true;
   std::jthread service([&](const std::stop_token& stop) {
     for (; !stop.stop_requested(); std::this_thread::sleep_for(10ms)) {
       ++health.beats;
