@@ -99,6 +99,7 @@ BusRun run_on_buses(const RobotModel& model, const BusMap& map, const std::vecto
   const std::unique_ptr<InputLogWriter> inputs =
       log_inputs(options.inputs, model, options.control, image, options.plan_sha256,
                  log_capacity(controller, !options.lock_step));
+  const StopGuard guard;  // outlives telemetry, whose beginning and end take their time
   std::optional<RunTelemetry> telemetry;
   if (options.dds)
     telemetry.emplace(model, options.runtime.telemetry, options.executed, options.control.dt);
@@ -106,7 +107,6 @@ BusRun run_on_buses(const RobotModel& model, const BusMap& map, const std::vecto
   std::optional<RunOperator> operator_desk;
   if (!options.runtime.operator_socket.socket.empty())
     operator_desk.emplace(options.runtime.operator_socket, model);
-  const StopGuard guard;
   ExecutorOptions execution{.realtime = !options.lock_step, .stop = guard.flag()};
   execution.log = log ? &*log : nullptr;
   execution.inputs = inputs.get();

@@ -78,6 +78,7 @@ SimulatedRun run_in_simulation(const RobotModel& model, const Scenario& scenario
   const std::unique_ptr<InputLogWriter> inputs =
       log_inputs(options.inputs, model, control, image, options.plan_sha256,
                  log_capacity(controller, options.realtime));
+  const StopGuard guard;  // outlives telemetry, whose beginning and end take their time
   std::optional<RunTelemetry> telemetry;
   if (options.dds)
     telemetry.emplace(model, options.runtime.telemetry, options.executed, control.dt);
@@ -87,7 +88,6 @@ SimulatedRun run_in_simulation(const RobotModel& model, const Scenario& scenario
   std::optional<RunOperator> operator_desk;
   if (!options.runtime.operator_socket.socket.empty())
     operator_desk.emplace(options.runtime.operator_socket, model);
-  const StopGuard guard;
   ExecutorOptions execution{.realtime = options.realtime, .stop = guard.flag()};
   execution.runtime = options.runtime;
   if (operator_desk) execution.desk = &operator_desk->desk();
