@@ -6,6 +6,7 @@
 
 #include "clamber_telemetryPubSubTypes.h"
 #include "telemetry/dds_participant.hpp"
+#include "telemetry/topics.hpp"
 #include "telemetry/wire.hpp"
 
 namespace clamber {
@@ -14,22 +15,7 @@ namespace {
 namespace dds = eprosima::fastdds::dds;
 
 // Two seconds of batches: what the reader holds while a disk or a browser keeps this thread busy.
-constexpr int kFramesDepth = 256;
-
-dds::DataReaderQos frames_qos() {
-  dds::DataReaderQos qos;
-  qos.reliability().kind = dds::BEST_EFFORT_RELIABILITY_QOS;
-  qos.history().kind = dds::KEEP_LAST_HISTORY_QOS;
-  qos.history().depth = kFramesDepth;
-  return qos;
-}
-
-dds::DataReaderQos description_qos() {
-  dds::DataReaderQos qos;
-  qos.reliability().kind = dds::RELIABLE_RELIABILITY_QOS;
-  qos.durability().kind = dds::TRANSIENT_LOCAL_DURABILITY_QOS;
-  return qos;
-}
+constexpr int kHeldBatches = 256;
 
 template <typename Sample, typename Use>
 void take_all(dds::DataReader& reader, Sample& sample, Use use) {
@@ -44,12 +30,12 @@ class FrameSubscription::Impl {
  public:
   explicit Impl(const TelemetryConfig& config)
       : participant_(config, "clamber_subscription"),
-        frames_(participant_.create_reader("rt/" + config.robot + "/telemetry/frames",
+        frames_(participant_.create_reader(topics::own(config.robot, "frames"),
                                            dds::TypeSupport(new msg::dds_::Batch_PubSubType()),
-                                           frames_qos())),
+                                           topics::read_measured(kHeldBatches))),
         description_(participant_.create_reader(
-            "rt/" + config.robot + "/telemetry/description",
-            dds::TypeSupport(new msg::dds_::Description_PubSubType()), description_qos())) {
+            topics::own(config.robot, "description"),
+            dds::TypeSupport(new msg::dds_::Description_PubSubType()), topics::read_kept(1))) {
     for (dds::DataReader* reader : {&frames_, &description_}) {
       reader->get_statuscondition().set_enabled_statuses(dds::StatusMask::data_available());
       wait_set_.attach_condition(reader->get_statuscondition());
