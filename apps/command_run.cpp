@@ -5,6 +5,7 @@
 
 #include "apps/commands.hpp"
 #include "apps/job_failed.hpp"
+#include "apps/run_support.hpp"
 #include "apps/steps.hpp"
 #include "apps/timing_report.hpp"
 #include "robot_model/loader.hpp"
@@ -36,7 +37,7 @@ void run_on_drives(const Options& options, const RobotModel& model, const Scenar
     const RehearsalRun result =
         rehearse_plan(options.robot, model, scenario, options.plan, options.execution, options.out);
     save_report(options, result.execution, result.success(), result.failure());
-    std::cout << describe(result) << "written:     " << options.out << '\n';
+    std::cout << describe(result) << "written:     " << options.out << std::endl;
     if (!result.success()) throw JobFailed("the rehearsal failed: " + result.failure());
     return;
   }
@@ -48,11 +49,12 @@ void run_on_drives(const Options& options, const RobotModel& model, const Scenar
   const BusRun result = run_plan_on_buses(options.robot, model, scenario, options.plan,
                                           options.execution, options.out);
   save_report(options, result.execution, result.success(), result.failure(model));
-  std::cout << describe(result, model) << "written:     " << options.out << '\n';
+  std::cout << describe(result, model) << "written:     " << options.out << std::endl;
   if (!result.success()) throw JobFailed("the run failed: " + result.failure(model));
 }
 
 void run(const Options& options) {
+  const StopGuard guard;  // what became of a run is told even if it was told to stop at its end
   const RobotModel model = load_robot(options.robot);
   const Scenario scenario = load_scenario(options.scenario);
   if (read_backend(options.execution.hal) == Backend::kSocketCan)
@@ -65,7 +67,7 @@ void run(const Options& options) {
   const SimulatedRun result =
       run_plan(options.robot, model, scenario, options.plan, options.execution, options.out);
   save_report(options, result.execution, result.success(), result.failure(model));
-  std::cout << describe(result, model) << "written:     " << options.out << '\n';
+  std::cout << describe(result, model) << "written:     " << options.out << std::endl;
   if (!result.success()) throw JobFailed("the climb failed: " + result.failure(model));
 }
 

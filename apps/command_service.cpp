@@ -8,6 +8,7 @@
 #include "apps/bus_live.hpp"
 #include "apps/commands.hpp"
 #include "apps/job_failed.hpp"
+#include "apps/run_support.hpp"
 #include "apps/service_monitor.hpp"
 #include "apps/service_settings.hpp"
 #include "apps/steps.hpp"
@@ -82,6 +83,7 @@ ServiceHealth first_health(const fs::path& slot, const Options& options,
 }
 
 void serve(const Options& options, const fs::path& slot) {
+  const StopGuard guard;  // what became of a run is told even if it was told to stop at its end
   const ServiceSettings settings = load_service_settings(slot);
   RobotOptions robot_options{.robot = settings.robot};
   const RobotModel robot = load_robot(robot_options);

@@ -15,6 +15,7 @@ namespace {
 
 std::atomic<bool> stop_requested{false};
 static_assert(std::atomic<bool>::is_always_lock_free);
+int stop_guards = 0;
 
 void request_stop(int /*signal*/) { stop_requested = true; }
 
@@ -116,10 +117,11 @@ std::unique_ptr<InputLogWriter> log_inputs(const std::string& file, const RobotM
 StopGuard::StopGuard()
     : interrupt_before_(std::signal(SIGINT, request_stop)),
       terminate_before_(std::signal(SIGTERM, request_stop)) {
-  stop_requested = false;
+  if (stop_guards++ == 0) stop_requested = false;
 }
 
 StopGuard::~StopGuard() {
+  --stop_guards;
   std::signal(SIGINT, interrupt_before_);
   std::signal(SIGTERM, terminate_before_);
 }

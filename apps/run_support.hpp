@@ -40,7 +40,8 @@ struct LoadedController {
     const std::string& file, const RobotModel& model, const ControllerConfig& config,
     std::span<const std::byte> image, const std::string& plan_sha256, std::size_t capacity);
 
-/// Turns SIGINT and SIGTERM into a request to stop for as long as it lives. One at a time.
+/// Turns SIGINT and SIGTERM into a request to stop for as long as it lives. Guards nest: a command
+/// whose run has ended still heeds signals while it writes down how, if it holds one of its own.
 class StopGuard {
  public:
   StopGuard();
