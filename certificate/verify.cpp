@@ -197,7 +197,10 @@ class Verifier {
       const double sign = info.sense == Sense::kError ? -1.0 : 1.0;
       const double proven = here.value.values[q] - sign * here.gap.values[q];
       const double beyond = sign * (acceptance_.limit.values[q] - proven);
-      if (!(beyond <= 0.0))
+      // A limit may be met exactly, as by toes 10 mm before the obstacle: what rounding makes of it
+      // is no violation.
+      constexpr double kRounding = 1e-9;  // of the quantity's unit
+      if (!(beyond <= kRounding))
         return std::string(info.name) +
                numbers(" %.6g, limit %.6g, beyond it by %.3g ", proven, acceptance_.limit.values[q],
                        beyond) +
