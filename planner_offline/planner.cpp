@@ -18,6 +18,8 @@
 namespace clamber {
 namespace {
 
+constexpr const char* kAfterAllFours = "after all fours";  // stage of the log
+
 class Stopwatch {
  public:
   [[nodiscard]] double seconds() const {
@@ -139,15 +141,11 @@ void PlanWriter::add(const Stretch& stretch) {
   }
 }
 
-/// The robot stands for a moment before it moves.
-Stretch standing(const std::vector<Stretch>& stretches) {
-  const Stretch& first = stretches.front();
-  return {"stand", Stretch::Kind::kLoad, {first.path.front()}, first.contacts, first.contacts, {}};
-}
-
-/// Adds the climb's phases and keyframes to the plan. @throws PlanningFailed
-void write_keyframes(PlanWriter& writer, const std::vector<Stretch>& stretches) {
-  writer.add(standing(stretches));
+/// Adds the climb's phases and keyframes to the plan; the robot stands for a moment before it
+/// moves.
+/// @throws PlanningFailed
+void write_keyframes(PlanWriter& writer, const Node& start, const std::vector<Stretch>& stretches) {
+  writer.add({"stand", Stretch::Kind::kLoad, {start.x}, start.contacts, start.contacts, {}});
   for (const Stretch& stretch : joined(stretches)) {
     writer.add(stretch);
   }
@@ -190,6 +188,7 @@ class Planning {
         header_(std::move(header)),
         clearance_(model, scenario, settings_.clearance) {}
 
+  void check_start();
   void find_along(const std::vector<Move>& moves);
   [[nodiscard]] PlanningResult finish();
 
@@ -199,6 +198,7 @@ class Planning {
     return settings;
   }
   [[nodiscard]] std::string written(const std::vector<Stretch>& stretches);
+  [[nodiscard]] Configuration start() const { return start_configuration(model_, scenario_); }
   [[nodiscard]] PlannerSettings seeded(std::size_t seed) const;
   void complete(const std::vector<Stretch>& climb);
   [[noreturn]] void fail(const std::string& why) const;
@@ -214,13 +214,18 @@ class Planning {
   double writing_ = 0.0, checking_ = 0.0;  // s
 };
 
-/// Writes the plan of the stretches and has it checked; why it does not do, empty: it does.
+/// Writes the plan of the stretches (none: of standing at the start) and has it checked; why it
+/// does not do, empty: it does.
 std::string Planning::written(const std::vector<Stretch>& stretches) {
   const Stopwatch write_time;
   Plan plan = header_;
   PlanWriter writer(model_, scenario_, clearance_, settings_, plan);
   try {
-    write_keyframes(writer, stretches);
+    write_keyframes(writer,
+                    stretches.empty()
+                        ? standing_at(model_, scenario_, start())
+                        : Node{stretches.front().path.front(), stretches.front().contacts},
+                    stretches);
   } catch (const PlanningFailed& error) {
     return error.what();
   }
@@ -244,11 +249,21 @@ PlannerSettings Planning::seeded(std::size_t seed) const {
   return settings;
 }
 
+/// No choice of contacts or postures changes the start: what it violates every climb would, and
+/// each would be found before it is refused.
+void Planning::check_start() {
+  if (const std::string why = written({}); !why.empty()) {
+    result_.rejected.push_back(why);
+    fail("the start of " + scenario_.name +
+         ", on its soles, does not do, whatever follows: " + why);
+  }
+}
+
 /// The climb along recorded contacts, then the rest of the goal.
 void Planning::find_along(const std::vector<Move>& moves) {
   const Stopwatch time;
   const ClimbSearch search = search_climb(
-      model_, scenario_, clearance_, settings_, start_configuration(model_, scenario_), moves,
+      model_, scenario_, clearance_, settings_, start(), moves,
       [this](const SearchResult& found) { return written(found.stretches); },
       [this](int move, int of, const std::string& what) {
         progress_(static_cast<double>(move) / std::max(of, 1), what);
@@ -261,8 +276,9 @@ void Planning::find_along(const std::vector<Move>& moves) {
   result_.candidates = search.candidates;
   result_.backtracks = search.backtracks;
   if (!search.best.success) {
-    fail("no statically stable, torque-feasible climb of " + scenario_.name +
-         " found; the furthest attempt ended with: " + search.best.failure);
+    fail("no statically stable, torque-feasible climb of " + scenario_.name + " found in " +
+         std::to_string(search.attempts) + " sets of contact places; " + search.given_up +
+         "; the furthest attempt ended with: " + search.best.failure);
   }
   if (scenario_.goal != Goal::kAllFours) {
     complete(search.best.stretches);
@@ -273,6 +289,9 @@ void Planning::find_along(const std::vector<Move>& moves) {
 void Planning::complete(const std::vector<Stretch>& climb) {
   const Stopwatch time;
   const double before = writing_ + checking_;
+  const auto note_time = [&] {
+    result_.stages.emplace_back(kAfterAllFours, time.seconds() - (writing_ + checking_ - before));
+  };
   std::string why;
   for (std::size_t seed = 0; seed < settings_.search.most_seeds; ++seed) {
     try {
@@ -284,12 +303,12 @@ void Planning::complete(const std::vector<Stretch>& climb) {
       why = failed.what();
     }
     if (why.empty()) {
-      result_.stages.emplace_back("after all fours",
-                                  time.seconds() - (writing_ + checking_ - before));
+      note_time();
       return;
     }
     result_.rejected.push_back(why);
   }
+  note_time();
   fail(std::string("all fours is reached, ") + to_string(scenario_.goal) + " is not: " + why);
 }
 
@@ -343,8 +362,106 @@ std::vector<Try> tries(PlannerSettings settings) {
   return out;
 }
 
-void prepend(const std::vector<std::string>& earlier, std::vector<std::string>& rejected) {
-  rejected.insert(rejected.begin(), earlier.begin(), earlier.end());
+/// What earlier tries found out and cost goes before the log of a later one.
+void prepend(const PlanningLog& earlier, PlanningLog& log) {
+  log.rejected.insert(log.rejected.begin(), earlier.rejected.begin(), earlier.rejected.end());
+  log.candidates += earlier.candidates;
+  log.backtracks += earlier.backtracks;
+}
+
+/// What all sequences of one climb are planned with.
+struct Climb {
+  const RobotModel& model;
+  const Scenario& scenario;
+  const PlanningProgress& progress;
+  const PlanCheck& check;
+};
+
+/// Along one sequence of moves, with less and less room.
+/// @param most  candidates that all tries together may use; each gets an even share of what is left
+/// @throws PlanningFailed with the log of all tries
+PlanningResult plan_along(const Climb& climb, const std::vector<Move>& moves,
+                          const PlannerSettings& settings, std::size_t most, Plan header) {
+  std::vector<Try> all = tries(settings);
+  PlanningLog earlier;  // of the tries before
+  for (std::size_t i = 0;; ++i) {
+    all[i].settings.search.most_candidates_in_all = (most - earlier.candidates) / (all.size() - i);
+    Planning planning(climb.model, climb.scenario, all[i].settings, climb.progress, climb.check,
+                      header);
+    try {
+      planning.find_along(moves);
+      PlanningResult result = planning.finish();
+      prepend(earlier, result);
+      return result;
+    } catch (const PlanningFailed& failed) {
+      PlanningLog log = failed.log() != nullptr ? *failed.log() : PlanningLog();
+      prepend(earlier, log);
+      if (i + 1 == all.size() || log.candidates >= most)
+        throw PlanningFailed(failed.what(), std::make_shared<const PlanningLog>(log));
+      earlier = std::move(log);
+      header.notes.push_back(all[i].failed);
+    }
+  }
+}
+
+bool came_to_all_fours(const PlanningLog& log) {
+  return std::any_of(log.stages.begin(), log.stages.end(),
+                     [](const auto& stage) { return stage.first == kAfterAllFours; });
+}
+
+/// What lands together, move by move; supports on the way are the planner's own.
+std::vector<std::vector<int>> order_of(const std::vector<Move>& moves) {
+  std::vector<std::vector<int>> order;
+  for (const Move& move : moves)
+    if (!move.optional) {
+      order.push_back(move.lands);
+      std::sort(order.back().begin(), order.back().end());
+    }
+  return order;
+}
+
+/// The moves in the same order with places and hints from postures that rest on all goal contacts.
+std::vector<std::vector<Move>> moved_elsewhere(const Climb& climb, const std::vector<Move>& moves,
+                                               const PlannerSettings& settings) {
+  std::vector<std::vector<Move>> out;
+  try {
+    for (const ContactSequence& sequence :
+         invented_sequences(climb.model, climb.scenario, settings)) {
+      std::vector<std::string> notes;
+      std::vector<Move> invented = plan_moves(climb.model, climb.scenario, sequence, notes);
+      if (order_of(invented) == order_of(moves)) out.push_back(std::move(invented));
+    }
+  } catch (const PlanningFailed&) {
+    // No such posture: why the recording's places fail says more.
+  }
+  return out;
+}
+
+/// A demonstrator's places may suit a body with other arms only. @throws what `recorded` says
+PlanningResult plan_elsewhere(const Climb& climb, const std::vector<Move>& moves,
+                              PlannerSettings settings, const PlanningFailed& recorded,
+                              Plan header) {
+  settings.forces.friction = settings.friction_share * climb.scenario.friction;
+  const std::size_t most = settings.search.most_candidates_in_all;
+  settings.search.most_attempts = settings.search.order_attempts;
+  header.notes.push_back(
+      "No climb with the recording's contact places: its order, places from a posture on all goal "
+      "contacts.");
+  PlanningLog log = *recorded.log();
+  const std::vector<std::vector<Move>> sequences = moved_elsewhere(climb, moves, settings);
+  for (std::size_t i = 0; i < sequences.size() && log.candidates < most; ++i) {
+    try {
+      PlanningResult result = plan_along(climb, sequences[i], settings,
+                                         (most - log.candidates) / (sequences.size() - i), header);
+      prepend(log, result);
+      return result;
+    } catch (const PlanningFailed& failed) {
+      PlanningLog now = *failed.log();
+      prepend(log, now);
+      log = std::move(now);
+    }
+  }
+  throw PlanningFailed(recorded.what(), std::make_shared<const PlanningLog>(log));
 }
 
 }  // namespace
@@ -355,23 +472,17 @@ PlanningResult plan_climb(const RobotModel& model, const Scenario& scenario,
   Plan header = plan_header(model, scenario, sequence.recording, sequence.synthetic);
   header.notes = sequence.notes;
   const std::vector<Move> moves = plan_moves(model, scenario, sequence, header.notes);
-  const std::vector<Try> all = tries(settings);
-  std::vector<std::string> rejected;  // by the tries before
-  for (std::size_t i = 0;; ++i) {
-    Planning planning(model, scenario, all[i].settings, progress, check, header);
-    try {
-      planning.find_along(moves);
-      PlanningResult result = planning.finish();
-      prepend(rejected, result.rejected);
-      return result;
-    } catch (const PlanningFailed& failed) {
-      PlanningLog log = failed.log() != nullptr ? *failed.log() : PlanningLog();
-      prepend(rejected, log.rejected);
-      if (i + 1 == all.size())
-        throw PlanningFailed(failed.what(), std::make_shared<const PlanningLog>(log));
-      rejected = std::move(log.rejected);
-      header.notes.push_back(all[i].failed);
-    }
+  Planning(model, scenario, settings, progress, check, header).check_start();
+  const Climb climb{model, scenario, progress, check};
+  constexpr double kRecorded = 0.75;  // of the candidates: the rest is for other places
+  try {
+    return plan_along(climb, moves, settings,
+                      static_cast<std::size_t>(
+                          kRecorded * static_cast<double>(settings.search.most_candidates_in_all)),
+                      header);
+  } catch (const PlanningFailed& recorded) {
+    if (came_to_all_fours(*recorded.log())) throw;
+    return plan_elsewhere(climb, moves, settings, recorded, header);
   }
 }
 
@@ -381,17 +492,22 @@ PlanningResult plan_without_recording(const RobotModel& model, const Scenario& s
   PlannerSettings used = settings;
   used.forces.friction = settings.friction_share * scenario.friction;
   used.search.most_attempts = settings.search.order_attempts;
+  const Climb climb{model, scenario, progress, check};
+  Planning(model, scenario, used, progress, check, plan_header(model, scenario, "none", false))
+      .check_start();
   std::string why;
   PlanningLog log;
   for (const ContactSequence& sequence : invented_sequences(model, scenario, used)) {
+    Plan header = plan_header(model, scenario, sequence.recording, sequence.synthetic);
+    header.notes = sequence.notes;
+    const std::vector<Move> moves = plan_moves(model, scenario, sequence, header.notes);
     try {
-      return plan_climb(model, scenario, sequence, used, progress, check);
+      return plan_along(climb, moves, used, used.search.most_candidates_in_all, header);
     } catch (const PlanningFailed& failed) {
       why = failed.what();
-      if (failed.log() != nullptr) {
-        log.rejected.insert(log.rejected.end(), failed.log()->rejected.begin(),
-                            failed.log()->rejected.end());
-      }
+      PlanningLog now = *failed.log();
+      prepend(log, now);
+      log = std::move(now);
     }
   }
   throw PlanningFailed("without a recording: " + why, std::make_shared<const PlanningLog>(log));

@@ -60,6 +60,9 @@ struct SearchSettings {
   double step_margin = 0.025;       ///< m, aimed at inside one sole while the other foot steps
   double step_length = 0.08;        ///< m, longest step when walking on the obstacle
   double step_turn = 0.35;          ///< rad, largest turn of a step
+  /// Candidates of all attempts, whatever clearance, margin or places: what a search that finds
+  /// nothing costs at most, some four minutes of two cores.
+  std::size_t most_candidates_in_all = 8000;
 };
 
 /// Timing of the plan.

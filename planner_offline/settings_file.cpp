@@ -120,6 +120,7 @@ void read_keys(Section& section, ReferenceSettings& references) {
 void read_keys(Section& section, SearchSettings& search) {
   section.count("most_candidates", search.most_candidates);
   section.count("most_attempts", search.most_attempts);
+  section.count("most_candidates_in_all", search.most_candidates_in_all);
   section.count("wide_attempts", search.wide_attempts);
   section.positives("wide_clearances", search.wide_clearances);
   section.count("steady_attempts", search.steady_attempts);

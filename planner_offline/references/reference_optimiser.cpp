@@ -257,7 +257,12 @@ TouchKeyframe ReferenceOptimiser::finish(Search& search) {
     std::snprintf(text, sizeof text, "links collide: %s", clear.worst_self_pair.c_str());
   } else if (keyframe.forces.status == Equilibrium::kBalance) {
     keyframe.shortfall = kNominal;
-    std::snprintf(text, sizeof text, "no contact forces balance the robot");
+    const double inside = SupportRegion(contact_points(model_, search.data, search.supports))
+                              .margin(search.data.com.head<2>());
+    std::snprintf(text, sizeof text,
+                  "no contact forces balance the robot: its centre of mass is %.1f cm outside of "
+                  "its contacts",
+                  -100.0 * inside);
   } else if (keyframe.forces.status == Equilibrium::kTorque) {
     keyframe.shortfall = kNominal;
     const Joint& joint = model_.joints[static_cast<std::size_t>(keyframe.forces.peak_joint)];

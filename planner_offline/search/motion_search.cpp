@@ -34,6 +34,18 @@ std::vector<SwingWay> ways_for(const Move& move, const SearchSettings& settings)
 
 }  // namespace
 
+Node standing_at(const RobotModel& model, const Scenario& scenario, const Configuration& start) {
+  Node node{start, {}};
+  RobotData data;
+  forward_kinematics(model, start, data);
+  for (std::size_t i = 0; i < model.contacts.size(); ++i) {
+    if (model.contacts[i].is_patch) {
+      node.contacts.push_back(make_contact(model, scenario, data, static_cast<int>(i), kFloor));
+    }
+  }
+  return node;
+}
+
 MotionSearch::MotionSearch(const RobotModel& model, const Scenario& scenario,
                            const Clearance& clearance, const PlannerSettings& settings,
                            ReferenceOptimiser& references)
@@ -319,15 +331,7 @@ SearchResult MotionSearch::run(const Configuration& start, const std::vector<Mov
   result_ = {};
   progress_ = progress;
   moves_ = &moves;
-  Node node{start, {}};
-  RobotData data;
-  forward_kinematics(model_, start, data);
-  for (std::size_t i = 0; i < model_.contacts.size(); ++i) {
-    if (model_.contacts[i].is_patch) {
-      node.contacts.push_back(make_contact(model_, scenario_, data, static_cast<int>(i), kFloor));
-    }
-  }
-  result_.success = descend(0, node);
+  result_.success = descend(0, standing_at(model_, scenario_, start));
   moves_ = nullptr;
   return result_;
 }

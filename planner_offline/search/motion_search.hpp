@@ -25,6 +25,10 @@ struct SearchResult {
   std::size_t backtracks = 0;
 };
 
+/// Where a climb begins: on the soles, on the floor.
+[[nodiscard]] Node standing_at(const RobotModel& model, const Scenario& scenario,
+                               const Configuration& start);
+
 /// One way of swinging a limb to its place; tried in order, the plain one first.
 struct SwingWay {
   double height = 0.0;   ///< m above the surface

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdio>
 #include <future>
 #include <limits>
 #include <memory>
@@ -54,7 +55,10 @@ class PlacementSearch {
   [[nodiscard]] double steadiness(const std::vector<Stretch>& stretches) const;
   [[nodiscard]] double score(const SearchResult& result) const;
   [[nodiscard]] bool try_all(const std::vector<Placing>& placings);
+  [[nodiscard]] bool used_up(std::size_t attempts) const;
   [[nodiscard]] bool enough() const;
+  [[nodiscard]] bool hopeless(double step) const;
+  [[nodiscard]] std::string why_given_up(double step) const;
   [[nodiscard]] bool finished();
   void keep(Attempt attempt);
   void give_up_best(const std::string& why);
@@ -210,13 +214,43 @@ void PlacementSearch::give_up_best(const std::string& why) {
   }
 }
 
+bool PlacementSearch::used_up(std::size_t attempts) const {
+  return found_.attempts >= attempts ||
+         found_.candidates >= settings_.search.most_candidates_in_all;
+}
+
 bool PlacementSearch::enough() const {
   const SearchSettings& search = settings_.search;
   if (best_.result.success) {
     const double steadiness = best_.score - static_cast<double>(moves_.size()) - 1.0;
-    return steadiness >= search.steady_margin || found_.attempts >= search.steady_attempts;
+    return steadiness >= search.steady_margin || used_up(search.steady_attempts);
   }
-  return found_.attempts >= search.most_attempts;
+  return used_up(search.most_attempts);
+}
+
+/// Reach, and the room for the centre of mass, change about as much as contacts are moved. Where no
+/// move by twice this step brought the furthest attempt nearer, this step does not mend a shortfall
+/// of more than two steps; a nominal one is no distance.
+bool PlacementSearch::hopeless(double step) const {
+  constexpr double kMended = 2.0;  // of the step
+  return !best_.result.success && best_.result.shortfall != kNominalShortfall &&
+         best_.result.shortfall > kMended * step;
+}
+
+/// @param step  of the places tried last, m
+std::string PlacementSearch::why_given_up(double step) const {
+  char text[200];
+  if (found_.candidates >= settings_.search.most_candidates_in_all) {
+    std::snprintf(text, sizeof text,
+                  "%zu candidates are its share of search.most_candidates_in_all",
+                  found_.candidates);
+  } else if (found_.attempts >= settings_.search.most_attempts) {
+    std::snprintf(text, sizeof text, "%zu sets of places are used up (search.most_attempts)",
+                  found_.attempts);
+  } else {
+    std::snprintf(text, sizeof text, "moving contacts by %.0f mm brings it no nearer", 1e3 * step);
+  }
+  return text;
 }
 
 /// The climb that would be taken is asked for its certificate, which costs as much as to find one.
@@ -264,7 +298,9 @@ ClimbSearch PlacementSearch::run() {
   (void)try_all({Placing{}});
   double step = 0.06;  // m
   constexpr double kFinest = 0.0075;
+  double tried = 0.0;  // m, the last step
   while (!finished() && step >= kFinest) {
+    tried = step;
     std::vector<Placing> around;
     for (const Direction& direction : kDirections) {
       for (const double sign : {-1.0, 1.0}) {
@@ -275,10 +311,16 @@ ClimbSearch PlacementSearch::run() {
     }
     if (!try_all(around)) {
       step *= 0.5;
+      if (hopeless(step)) {
+        break;
+      }
     }
   }
   while (best_.result.success && !best_.checked) {
     check_best();
+  }
+  if (!best_.result.success) {
+    found_.given_up = why_given_up(tried);
   }
   found_.best = std::move(best_.result);
   found_.reference_share = seconds_ > 0.0 ? reference_seconds_ / seconds_ : 0.0;

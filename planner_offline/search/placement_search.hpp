@@ -28,6 +28,7 @@ struct ClimbSearch {
   std::size_t attempts = 0;
   std::size_t candidates = 0;
   std::size_t backtracks = 0;
+  std::string given_up;          ///< where there is no climb: why the search ended
   double reference_share = 0.0;  ///< of the processor time that reference optimisation took
 };
 
@@ -35,7 +36,8 @@ struct ClimbSearch {
 using ClimbCheck = std::function<std::string(const SearchResult&)>;
 
 /// Plans the whole climb with the recorded places, then around the best ones found so far, until
-/// one that `check` has nothing against is steady enough or the attempts are used up.
+/// one that `check` has nothing against is steady enough, attempts or candidates are used up, or
+/// the furthest attempt misses its goal by more than finer places could mend.
 /// @param check  called from the calling thread only
 [[nodiscard]] ClimbSearch search_climb(const RobotModel& model, const Scenario& scenario,
                                        const Clearance& clearance, const PlannerSettings& settings,

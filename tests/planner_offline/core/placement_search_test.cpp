@@ -10,11 +10,13 @@
 namespace clamber {
 namespace {
 
-ClimbSearch search(const ClimbCheck& check, std::size_t most_attempts) {
+ClimbSearch search(const ClimbCheck& check, std::size_t most_attempts,
+                   std::size_t most_candidates = 6000) {
   const Scenario scenario = box();
   PlannerSettings settings;
   settings.search.steady_margin = -1.0;  // the first climb is steady enough
   settings.search.most_attempts = most_attempts;
+  settings.search.most_candidates_in_all = most_candidates;
   std::vector<std::string> notes;
   const std::vector<Move> moves = plan_moves(coman(), scenario, made_climb(), notes);
   const Clearance clearance(coman(), scenario, settings.clearance);
@@ -52,6 +54,14 @@ TEST(PlacementSearch, GivesTheReasonWhenNoneIsApproved) {
   EXPECT_FALSE(found.best.success);
   EXPECT_EQ(found.best.failure, "none will do");
   EXPECT_GE(found.attempts, 5U);
+  EXPECT_THAT(found.given_up, testing::HasSubstr("search.most_attempts"));
+}
+
+TEST(PlacementSearch, EndsWhenTheCandidatesAreUsedUp) {
+  const ClimbSearch found = search([](const SearchResult&) { return "none will do"; }, 99, 1);
+  EXPECT_FALSE(found.best.success);
+  EXPECT_EQ(found.attempts, 1U);
+  EXPECT_THAT(found.given_up, testing::HasSubstr("share of search.most_candidates_in_all"));
 }
 
 TEST(PlacementSearch, ComesToTheSameResultEveryTime) {

@@ -292,6 +292,7 @@ TEST(Planner, TheSameInputsGiveTheSamePlan) {
 TEST(Planner, ABoxThatIsTooHighFailsAndSaysWhere) {
   PlannerSettings settings = quick();
   settings.search.most_candidates = 3;
+  settings.search.most_candidates_in_all = 60;
   std::string message;
   try {
     (void)plan_climb(coman(), box(0.8), made_climb(), settings, no_progress);
@@ -304,6 +305,26 @@ TEST(Planner, ABoxThatIsTooHighFailsAndSaysWhere) {
   }
   EXPECT_THAT(message, testing::HasSubstr("wrist"));
   EXPECT_THAT(message, testing::HasSubstr("height=0.8"));
+  EXPECT_THAT(message, testing::HasSubstr("sets of contact places"));
+}
+
+TEST(Planner, AStartThatDoesNotDoIsRefusedBeforeAnythingIsSearched) {
+  int asked = 0;
+  std::string message;
+  try {
+    (void)plan_climb(coman(), box(), made_climb(), quick(), no_progress, [&](const Plan& plan) {
+      ++asked;
+      EXPECT_EQ(plan.phases.size(), 1U);
+      return std::string("toes too near");
+    });
+  } catch (const PlanningFailed& e) {
+    message = e.what();
+    ASSERT_NE(e.log(), nullptr);
+    EXPECT_EQ(e.log()->candidates, 0U);
+  }
+  EXPECT_EQ(asked, 1);
+  EXPECT_THAT(message, testing::HasSubstr("the start of box_0.275"));
+  EXPECT_THAT(message, testing::HasSubstr("toes too near"));
 }
 
 TEST(Planner, ASequenceForAnotherRobotIsAnInputError) {
