@@ -21,6 +21,7 @@ struct Options {
   std::string ballasts = "0";
   std::string shard = "0/1";
   bool keep_plans = false;
+  bool list = false;
   std::vector<std::string> merge;
 };
 
@@ -61,6 +62,10 @@ void run_cases(const Options& options) {
 }
 
 void run(const Options& options) {
+  if (options.list) {
+    for (const SweepPoint& point : grid_of(options).points()) std::cout << point.key() << '\n';
+    return;
+  }
   if (options.merge.empty()) return run_cases(options);
   tabulate(load_cases({options.merge.begin(), options.merge.end()}), options.out);
 }
@@ -85,6 +90,7 @@ void add_sweep_command(CLI::App& app) {
       ->capture_default_str();
   command->add_flag("--plan-only", inputs.plan_only, "plan and certificate, without the run");
   command->add_flag("--keep-plans", options->keep_plans, "keep plans, certificates and rejects");
+  command->add_flag("--list", options->list, "only names the cases, one a line");
   CLI::Option* shard =
       command->add_option("--shard", options->shard, "i/n: every n-th case from the i-th, i from 0")
           ->capture_default_str();
