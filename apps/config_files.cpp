@@ -1,12 +1,25 @@
 #include "apps/config_files.hpp"
 
 #include <cstdlib>
+#include <fstream>
+#include <string>
 #include <system_error>
 
 namespace clamber {
 namespace {
 
 namespace fs = std::filesystem;
+
+/// The source tree of the build folder that the program lies in; empty: it lies in none.
+fs::path source_tree(const fs::path& program) {
+  for (fs::path folder = program.parent_path(); folder.has_relative_path();
+       folder = folder.parent_path()) {
+    std::ifstream in(folder / "clamber_sources");
+    if (std::string relative; std::getline(in, relative))
+      return (folder / relative).lexically_normal();
+  }
+  return {};
+}
 
 }  // namespace
 
@@ -15,12 +28,9 @@ fs::path configs_folder() {
     return folder;
   std::error_code error;
   const fs::path program = fs::read_symlink("/proc/self/exe", error);
-  // build/<preset>/apps/clamber
-  const fs::path built_in = program.parent_path().parent_path().parent_path().parent_path();
   // A bundle's slot and an installed package: bin/clamber.
   const fs::path installed = program.parent_path().parent_path();
-  for (const fs::path& root :
-       {installed, installed / "share/clamber", built_in, fs::path(CLAMBER_SOURCE_DIR)})
+  for (const fs::path& root : {installed, installed / "share/clamber", source_tree(program)})
     if (!root.empty() && fs::is_directory(root / "configs" / "robots", error))
       return root / "configs";
   return "configs";

@@ -8,7 +8,7 @@
 namespace clamber {
 
 /// The folder `configs`: $CLAMBER_CONFIGS, else the one of the slot or package that the program
-/// lies in, else of the tree that it was built in, else the source tree's, else ./configs.
+/// lies in, else of the tree that it was built from, else ./configs.
 [[nodiscard]] std::filesystem::path configs_folder();
 
 /// `name` if it exists; else, if it begins with "configs/", the file of that name in
