@@ -7,78 +7,19 @@
 #include <cstdio>
 #include <cstdlib>
 #include <memory>
+#include <numeric>
 #include <optional>
 
+#include "apps/bus_listener.hpp"
 #include "apps/config_files.hpp"
 #include "apps/job_failed.hpp"
 #include "apps/options.hpp"
 #include "apps/run_support.hpp"
-#include "firmware_hal/bus_watch.hpp"
-#include "firmware_hal/codec/canopen.hpp"
-#include "firmware_hal/socketcan/open_ports.hpp"
 
 namespace clamber {
 namespace {
 
 constexpr std::int64_t kMilliseconds = 1'000'000;
-
-/// The interfaces of a map and what has passed on each.
-class Listener {
- public:
-  explicit Listener(const BusMap& map) : map_(map), ports_(open_ports(map)), inbox_(256) {
-    for (const Bus& bus : map_.buses) watches_.emplace_back(bus);
-  }
-
-  /// Takes everything until `until`, or until `stop`.
-  void listen(std::int64_t until, const std::atomic<bool>* stop = nullptr) {
-    for (std::int64_t now = this->now(); now < until; now = this->now()) {
-      if (stop != nullptr && stop->load()) return;
-      // Not much longer: signals are looked at in between.
-      ports_.clock->wait(std::min(until, now + 100 * kMilliseconds));
-      for (std::size_t b = 0; b < watches_.size(); ++b) {
-        ports_.ports[b]->maintain(now);
-        std::size_t count = inbox_.size();
-        while (count == inbox_.size()) {
-          count = ports_.ports[b]->receive(inbox_);
-          for (std::size_t i = 0; i < count; ++i) {
-            watches_[b].take(inbox_[i]);
-            note_node(b, inbox_[i].frame);
-          }
-        }
-      }
-    }
-  }
-  /// Sends with a pause after each frame, so that no queue of an interface overflows.
-  void send(std::size_t bus, const CanFrame& frame) {
-    (void)ports_.ports[bus]->send({&frame, 1});
-    listen(now() + kMilliseconds / 2);
-  }
-  [[nodiscard]] std::int64_t now() { return ports_.clock->now_ns(); }
-  [[nodiscard]] std::size_t size() const { return watches_.size(); }
-  [[nodiscard]] const BusWatch& watch(std::size_t bus) const { return watches_[bus]; }
-  [[nodiscard]] const SocketCanPort& port(std::size_t bus) const { return *ports_.ports[bus]; }
-  /// CANopen nodes that answered the question for object 1000h, with their answer.
-  [[nodiscard]] const std::map<std::uint8_t, std::uint32_t>& nodes(std::size_t bus) const {
-    static const std::map<std::uint8_t, std::uint32_t> kNone;
-    const auto found = nodes_.find(bus);
-    return found == nodes_.end() ? kNone : found->second;
-  }
-
- private:
-  void note_node(std::size_t bus, const CanFrame& frame) {
-    Sdo sdo;
-    bool request = false;
-    if (map_.buses[bus].protocol == BusProtocol::kCia402 &&
-        decode_sdo(frame, sdo, request) == CodecStatus::kOk && !request && sdo.index == 0x1000)
-      nodes_[bus][sdo.node] = sdo.kind == SdoKind::kUploadReply ? sdo.value : 0;
-  }
-
-  const BusMap& map_;
-  SocketCanPorts ports_;
-  std::vector<BusWatch> watches_;
-  std::vector<ReceivedFrame> inbox_;
-  std::map<std::size_t, std::map<std::uint8_t, std::uint32_t>> nodes_;
-};
 
 // ---- scan
 
@@ -87,27 +28,8 @@ struct ScanOptions {
   RobotOptions robot;
 };
 
-/// Questions that move nothing: drives of mit are told to be off, which on a silent bus they are,
-/// and CANopen nodes are asked for their device type.
-void ask(Listener& listener, const BusMap& map) {
-  for (std::size_t b = 0; b < map.buses.size(); ++b) {
-    const Bus& bus = map.buses[b];
-    if (bus.protocol == BusProtocol::kMit) {
-      for (const JointDrive& drive : bus.drives)
-        listener.send(b, encode_mit_special(mit_drive(bus, drive), MitSpecial::kDisable));
-      continue;
-    }
-    Sdo question;
-    question.kind = SdoKind::kUpload;
-    question.index = 0x1000;
-    for (question.node = 1; question.node <= 127; ++question.node)
-      listener.send(b, encode_sdo(question, true));
-  }
-  listener.listen(listener.now() + 200 * kMilliseconds);
-}
-
 /// @return drives of the map that did not answer
-std::vector<std::string> print_bus(const Listener& listener, std::size_t b) {
+std::vector<std::string> print_bus(const BusListener& listener, std::size_t b) {
   const BusWatch& watch = listener.watch(b);
   const Bus& bus = watch.bus();
   std::vector<std::string> silent;
@@ -122,17 +44,17 @@ std::vector<std::string> print_bus(const Listener& listener, std::size_t b) {
     if (seen.replies > 0)
       std::printf("%-18s %8.4f rad\n", seen.state.c_str(), seen.q);
     else if (answers)
-      std::printf("answers, device type 0x%08X\n", node->second);
+      std::printf("answers, device type 0x%08X\n", node->second.device_type);
     else
       std::printf("no answer\n");
     if (!answers)
       silent.push_back(drive.name + " (" + bus.interface + " node " + std::to_string(drive.node) +
                        ")");
   }
-  for (const auto& [node, type] : listener.nodes(b)) {
+  for (const auto& [node, answer] : listener.nodes(b)) {
     const auto mapped = [n = node](const JointDrive& drive) { return drive.node == n; };
     if (std::none_of(bus.drives.begin(), bus.drives.end(), mapped))
-      std::printf("  node %3d  not in the map: device type 0x%08X\n", node, type);
+      std::printf("  node %3d  not in the map: device type 0x%08X\n", node, answer.device_type);
   }
   if (bus.protocol == BusProtocol::kMit)
     for (const auto& [id, count] : watch.strangers())
@@ -142,19 +64,21 @@ std::vector<std::string> print_bus(const Listener& listener, std::size_t b) {
 }
 
 /// Listens, and asks if nobody commands the drives. @return whether it asked
-bool look_around(Listener& listener, const BusMap& map) {
+bool look_around(BusListener& listener, const BusMap& map) {
   listener.listen(listener.now() + 200 * kMilliseconds);
-  std::uint64_t heard = 0;
-  for (std::size_t b = 0; b < listener.size(); ++b)
-    for (std::size_t i = 0; i < map.buses[b].drives.size(); ++i)
-      heard += listener.watch(b).drive(i).commands;
-  if (heard == 0) ask(listener, map);
-  return heard == 0;
+  if (listener.commands() > 0) return false;
+  for (std::size_t b = 0; b < listener.size(); ++b) {
+    std::array<std::uint8_t, 127> all{};
+    std::iota(all.begin(), all.end(), std::uint8_t{1});
+    for (const CanFrame& frame : questions_to(map.buses[b], 0x1000, all)) listener.send(b, frame);
+  }
+  listener.listen(listener.now() + 200 * kMilliseconds);
+  return true;
 }
 
 void scan(const ScanOptions& options) {
   const BusMap map = load_bus_map(find_file(options.map), load_robot(options.robot));
-  Listener listener(map);
+  BusListener listener(map);
   if (!look_around(listener, map)) std::printf("somebody commands these drives: only listening\n");
   std::vector<std::string> silent;
   for (std::size_t b = 0; b < listener.size(); ++b)
@@ -187,7 +111,8 @@ struct Before {
 
 class Screen {
  public:
-  Screen(Listener& listener, bool plain) : listener_(listener), plain_(plain), color_(use_color()) {
+  Screen(BusListener& listener, bool plain)
+      : listener_(listener), plain_(plain), color_(use_color()) {
     before_.resize(listener.size());
     for (std::size_t b = 0; b < listener.size(); ++b) {
       before_[b].commands.resize(listener.watch(b).bus().drives.size());
@@ -249,7 +174,7 @@ class Screen {
   [[nodiscard]] const char* unmark(bool bad) const { return bad && color_ ? "\033[0m" : ""; }
   static unsigned long long number(std::uint64_t value) { return value; }
 
-  Listener& listener_;
+  BusListener& listener_;
   bool plain_;
   bool color_;
   std::vector<Before> before_;
@@ -257,7 +182,7 @@ class Screen {
 
 void monitor(const MonitorOptions& options) {
   const BusMap map = load_bus_map(find_file(options.map), load_robot(options.robot));
-  Listener listener(map);
+  BusListener listener(map);
   const StopGuard guard;
   Screen screen(listener, options.plain || isatty(STDOUT_FILENO) != 1);
   const std::int64_t start = listener.now();
@@ -275,24 +200,6 @@ void monitor(const MonitorOptions& options) {
 }
 
 }  // namespace
-
-std::vector<std::string> survey_drives(const BusMap& map) {
-  Listener listener(map);
-  (void)look_around(listener, map);
-  std::vector<std::string> troubled;
-  for (std::size_t b = 0; b < listener.size(); ++b)
-    for (std::size_t i = 0; i < map.buses[b].drives.size(); ++i) {
-      const JointDrive& drive = map.buses[b].drives[i];
-      const WatchedDrive& seen = listener.watch(b).drive(i);
-      const bool answers =
-          seen.replies > 0 || listener.nodes(b).contains(static_cast<std::uint8_t>(drive.node));
-      if (!answers)
-        troubled.push_back(drive.name + ": no answer");
-      else if (seen.state.starts_with("error") || seen.state.starts_with("fault"))
-        troubled.push_back(drive.name + ": " + seen.state);
-    }
-  return troubled;
-}
 
 bool use_color() {
   const char* off = std::getenv("NO_COLOR");

@@ -116,6 +116,7 @@ BusRun run_on_buses(const RobotModel& model, const BusMap& map, const std::vecto
   execution.runtime = options.runtime;
   if (operator_desk) execution.desk = &operator_desk->desk();
   execution.bus_calls = BusCalls::kSockets;
+  execution.before_enable = options.before_enable;
   if (options.lock_step) (void)stay_on_this_processor();
 
   RunPulse pulse;

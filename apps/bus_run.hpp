@@ -25,9 +25,10 @@ struct BusRunOptions {
   bool lock_step = false;   ///< ticks end when the (simulated) drives say so; else by the clock
   std::string frame_log;    ///< every frame in candump's format, in lock step; empty: none
   bool dds = false;
-  ExecutedPlan executed;    ///< what telemetry tells of the plan
-  RuntimeSettings runtime;  ///< of a run paced by the clock
-  RunCompanion companion;   ///< empty: nobody watches
+  ExecutedPlan executed;                ///< what telemetry tells of the plan
+  RuntimeSettings runtime;              ///< of a run paced by the clock
+  RunCompanion companion;               ///< empty: nobody watches
+  std::function<void()> before_enable;  ///< see ExecutorOptions
 };
 
 struct BusRun {

@@ -3,6 +3,7 @@
 #include <sys/prctl.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <cstdio>
 #include <iostream>
 #include <memory>
@@ -15,6 +16,7 @@
 #include "apps/run_support.hpp"
 #include "firmware_hal/socketcan/open_ports.hpp"
 #include "firmware_hal/virtual_drives/drive_server.hpp"
+#include "robot_model/loader.hpp"
 
 namespace clamber {
 namespace {
@@ -24,6 +26,8 @@ using Json = nlohmann::ordered_json;
 constexpr std::int64_t kSecond = 1'000'000'000;
 constexpr std::int64_t kLookAround = 100'000'000;  // ns between two looks at the stop flag
 
+volatile std::sig_atomic_t fault_asked = 0;
+
 struct Options {
   std::string map;
   std::string report;
@@ -31,6 +35,7 @@ struct Options {
   bool real_time = false;
   double patience = 0.5;
   double give_up = 5.0;
+  std::string fault;
   RobotOptions robot;
   ScenarioOptions scenario;
 };
@@ -52,10 +57,12 @@ class Drives {
     settings.period_ns = static_cast<std::int64_t>(1e9 / map_.rate);
     settings.host_patience = static_cast<std::int64_t>(1e9 * options.patience);
     server_ = std::make_unique<DriveServer>(drives_, *ports_.clock, ports, settings);
+    if (!options_.fault.empty()) (void)faulty_drive();
   }
 
   void run() {
     const StopGuard stop;
+    if (!options_.fault.empty()) std::signal(SIGUSR1, [](int) { fault_asked = 1; });
     if (options_.real_time)
       (void)prctl(PR_SET_TIMERSLACK, 1UL);  // else every wait may end 50 us late
     else
@@ -66,6 +73,7 @@ class Drives {
     std::int64_t heard = ports_.clock->now_ns();
     while (!stop.flag()->load() && drives_.finished_runs() == 0) {
       const std::int64_t now = ports_.clock->now_ns();
+      if (fault_asked != 0) break_down();
       if (server_->serve(now + kLookAround)) world_.look();
       if (!server_->host_silent() || !drives_.released()) heard = now;
       if (now - heard > static_cast<std::int64_t>(1e9 * options_.give_up)) {
@@ -80,6 +88,19 @@ class Drives {
   }
 
  private:
+  [[nodiscard]] PlacedDrive& faulty_drive() {
+    for (std::size_t b = 0; b < drives_.bus_count(); ++b)
+      for (PlacedDrive& placed : drives_.bus(b))
+        if (placed.name == options_.fault) return placed;
+    throw InputError("--fault " + options_.fault + ": " + map_.file + " has no such joint");
+  }
+
+  void break_down() {
+    fault_asked = 0;
+    faulty_drive().drive->break_down(0);
+    std::cout << "fault:       " << options_.fault << " has broken down\n" << std::flush;
+  }
+
   void introduce() const {
     for (const Bus& bus : map_.buses) {
       std::cout << bus.interface << "  " << bus.name << " (" << to_string(bus.protocol) << "):";
@@ -178,6 +199,8 @@ void add_drives_command(CLI::App& app) {
                    "s that a robot off its stand is simulated without its host")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
+  command->add_option("--fault", options->fault,
+                      "joint whose drive finds an over-current and lets go, on SIGUSR1");
   add_robot_options(*command, options->robot);
   add_scenario_options(*command, options->scenario);
   command->footer(

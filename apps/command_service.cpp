@@ -5,8 +5,8 @@
 #include <iostream>
 #include <memory>
 
-#include "apps/bus_live.hpp"
 #include "apps/commands.hpp"
+#include "apps/drive_watch.hpp"
 #include "apps/job_failed.hpp"
 #include "apps/run_support.hpp"
 #include "apps/service_monitor.hpp"
@@ -60,9 +60,8 @@ std::string next_log(const fs::path& folder) {
   return (folder / name).string();
 }
 
-/// What is known before the run: which bundle this is, and which drives answer.
-ServiceHealth first_health(const fs::path& slot, const Options& options,
-                           const ServiceSettings& settings, const RobotModel& robot) {
+/// What is known before the run: which bundle this is.
+ServiceHealth first_health(const fs::path& slot, const RobotModel& robot) {
   ServiceHealth health;
   if (const std::optional<SlotContent> content = read_slot(slot)) {
     health.bundle = content->id;
@@ -70,16 +69,22 @@ ServiceHealth first_health(const fs::path& slot, const Options& options,
   }
   health.process = getpid();
   health.joints = static_cast<int>(robot.joints.size());
-  health.heard = health.joints;
-  const std::optional<BusMap> map = load_drives(settings.hal, robot);
-  // In lock step drives answer a host that keeps it, not a question.
-  if (!map || options.unpaced) return health;
-  const std::vector<std::string> troubled = survey_drives(*map);
-  health.heard -= static_cast<int>(troubled.size());
-  for (const std::string& drive : troubled)
-    health.trouble += (health.trouble.empty() ? "" : ", ") + drive;
-  std::cout << "drives:      " << health.heard << " of " << health.joints << " answer\n";
+  health.drives.heard = health.joints;
   return health;
+}
+
+/// nullptr: there are none that could be asked. In lock step drives answer a host that keeps it,
+/// not a question.
+std::unique_ptr<DriveWatch> watch_drives(const Options& options, const ServiceSettings& settings,
+                                         const RobotModel& robot) {
+  std::optional<BusMap> map = load_drives(settings.hal, robot);
+  if (!map || options.unpaced) return nullptr;
+  auto drives = std::make_unique<DriveWatch>(std::move(*map));
+  const DriveHealth seen = drives->seen();
+  std::cout << "drives:      " << seen.heard << " of " << robot.joints.size() << " are well"
+            << (seen.trouble.empty() ? "" : "; " + seen.trouble) << '\n'
+            << std::flush;
+  return drives;
 }
 
 void serve(const Options& options, const fs::path& slot) {
@@ -88,7 +93,8 @@ void serve(const Options& options, const fs::path& slot) {
   RobotOptions robot_options{.robot = settings.robot};
   const RobotModel robot = load_robot(robot_options);
   const FoundScenario made_for = scenario_of_plan(settings.plan, slot / "configs");
-  const ServiceHealth health = first_health(slot, options, settings, robot);
+  const ServiceHealth health = first_health(slot, robot);
+  const std::unique_ptr<DriveWatch> drives = watch_drives(options, settings, robot);
   const fs::path run_folder = managed("RUNTIME_DIRECTORY", "/run/clamber");
 
   ExecutionOptions execution;
@@ -103,10 +109,12 @@ void serve(const Options& options, const fs::path& slot) {
   const fs::path health_file =
       options.health.empty() ? run_folder / "health.json" : fs::path(options.health);
   execution.companion = [&](const RunPulse& pulse, const RunTelemetry* telemetry) {
-    ServiceMonitor::Sources sources{&pulse, {}};
+    ServiceMonitor::Sources sources{&pulse, {}, {}};
     if (telemetry != nullptr) sources.publisher = [telemetry] { return telemetry->rounds(); };
+    if (drives) sources.drives = [&] { return drives->seen(); };
     return std::make_shared<ServiceMonitor>(std::move(sources), health, health_file);
   };
+  if (drives) execution.before_enable = [&] { drives->fall_silent(); };
   const std::string log =
       next_log(options.logs.empty() ? managed("LOGS_DIRECTORY", "/var/log/clamber") : options.logs);
 

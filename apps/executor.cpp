@@ -122,13 +122,28 @@ class Loop {
 
   /// The drives stay off until the operator has armed. False: the run is to end.
   bool wait_for_operator() noexcept {
+    std::int64_t next = now_ns();
     while (!seat_.armed()) {
       report_.stopped = stop_asked();
       if (report_.stopped) return false;
-      if (options_.pulse != nullptr) options_.pulse->beats.fetch_add(1, std::memory_order_relaxed);
-      sleep_until(now_ns() + kLookForOperator);
+      next += kLookForOperator;
+      sleep_until(next);
+      count_look(next);
     }
     return true;
+  }
+
+  /// Nothing waits for a look, but a thread that is late for one would be late for a tick, and
+  /// those who watch are to know before there is torque.
+  void count_look(std::int64_t& due) noexcept {
+    const std::int64_t now = now_ns();
+    if (now >= due + kLookForOperator) {
+      late_looks_ += options_.realtime ? 1 : 0;
+      due = now;
+    }
+    if (options_.pulse == nullptr) return;
+    options_.pulse->overruns.store(report_.overruns + late_looks_, std::memory_order_relaxed);
+    options_.pulse->beats.fetch_add(1, std::memory_order_relaxed);
   }
 
   /// Waits for the operator and enables the drives, again after an e-stop meanwhile. False: the run
@@ -139,6 +154,7 @@ class Loop {
       if (!wait_for_operator()) return false;
       start_ = now_ns();
       switching(true);
+      if (options_.before_enable) options_.before_enable();
       report_.bus = bus_.enable();
       switching(false);
     } while (report_.bus == BusStatus::kDown && seat_.stopped());
@@ -220,7 +236,7 @@ class Loop {
     pulse.torque.store(has_torque(now.mode), relaxed);
     pulse.fault.store(now.fault != FaultCode::kNone, relaxed);
     pulse.stale_joints.store(static_cast<std::uint32_t>(stale), relaxed);
-    pulse.overruns.store(report_.overruns, relaxed);
+    pulse.overruns.store(report_.overruns + late_looks_, relaxed);
     pulse.beats.fetch_add(1, relaxed);
   }
 
@@ -268,6 +284,7 @@ class Loop {
   std::uint64_t fault_ticks_;
   std::uint64_t faulted_ = 0;
   std::uint64_t skipped_ = 0;  ///< grid points, up to the last tick
+  std::uint64_t late_looks_ = 0;
   std::vector<JointState> states_;
   std::vector<JointCommand> commands_;
   TelemetryFrame frame_;

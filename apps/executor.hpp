@@ -39,6 +39,9 @@ struct ExecutorOptions {
   /// armed and started at once.
   OperatorDesk* desk = nullptr;
   RunPulse* pulse = nullptr;  ///< shown to those who watch from outside
+  /// The drives are about to be commanded; whoever asked them questions until now stops that before
+  /// this returns. On the thread of the loop, outside of ticks.
+  std::function<void()> before_enable = {};
 };
 
 /// Of a run paced by the clock.

@@ -12,7 +12,7 @@ inline constexpr std::uint32_t kStaleAge = 10;
 
 struct RunPulse {
   std::atomic<std::uint64_t> beats{0};  ///< ticks, and looks for the operator while drives are off
-  std::atomic<std::uint64_t> overruns{0};
+  std::atomic<std::uint64_t> overruns{0};      ///< late ones of those, where the clock paces them
   std::atomic<std::uint32_t> stale_joints{0};  ///< in the last tick
   std::atomic<bool> torque{false};             ///< the drives have any
   std::atomic<bool> fault{false};              ///< the supervisor knows of one and deals with it

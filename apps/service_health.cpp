@@ -20,9 +20,19 @@ using Json = nlohmann::ordered_json;
 using Clock = std::chrono::steady_clock;
 
 constexpr auto kLook = std::chrono::milliseconds(100);
+// Drives that have power answer within milliseconds, and in this time a lost cable was seen.
+constexpr auto kSilence = std::chrono::seconds(5);
 constexpr auto kBeat = std::chrono::milliseconds(1000);  // in which something must have gone on
 
 bool alive(int process) { return process > 0 && (kill(process, 0) == 0 || errno == EPERM); }
+
+/// Empty: all are well.
+std::string unwell_joints(const ServiceHealth& health) {
+  const int unwell = health.joints - health.drives.heard;
+  if (unwell == 0) return {};
+  return std::to_string(unwell) + " of " + std::to_string(health.joints) +
+         " joints are not well: " + health.drives.trouble;
+}
 
 /// Follows the file from look to look.
 class HealthWatch {
@@ -51,6 +61,16 @@ class HealthWatch {
     return now - moved_ > kBeat ? "its control loop or its watchdog stands still" : "";
   }
 
+  /// What waiting does not heal: a drive's error, or one that leaves question after question
+  /// unanswered. Empty: nothing of the kind.
+  std::string hopeless(const std::optional<ServiceHealth>& health, Clock::time_point now) {
+    const bool ours = health && health->bundle == bundle_ && health->ready;
+    const std::string joints = ours ? unwell_joints(*health) : "";
+    if (joints.empty()) joints_well_ = now;
+    const bool error = ours && health->drives.faulty > 0;
+    return error || now - joints_well_ > kSilence ? joints : "";
+  }
+
  private:
   [[nodiscard]] std::string judge(const std::optional<ServiceHealth>& health) const {
     if (!health) return "no service says how it is";
@@ -59,26 +79,31 @@ class HealthWatch {
     if (!health->problem.empty()) return health->problem;
     if (!health->ready) return "the service is not ready yet";
     if (health->torque) return "the drives have torque";
-    if (health->heard < health->joints)
-      return std::to_string(health->joints - health->heard) + " of " +
-             std::to_string(health->joints) + " joints are not well: " + health->trouble;
-    return "";
+    return unwell_joints(*health);
   }
 
   std::string bundle_;
   int allowed_;
   std::optional<ServiceHealth> first_, last_;
   Clock::time_point moved_;
+  Clock::time_point joints_well_ = Clock::now();
 };
 
 }  // namespace
 
 void save_health(const ServiceHealth& health, const fs::path& file) {
-  const Json json{
-      {"bundle", health.bundle},     {"process", health.process}, {"ready", health.ready},
-      {"torque", health.torque},     {"beats", health.beats},     {"pings", health.pings},
-      {"overruns", health.overruns}, {"joints", health.joints},   {"heard", health.heard},
-      {"problem", health.problem},   {"trouble", health.trouble}};
+  const Json json{{"bundle", health.bundle},
+                  {"process", health.process},
+                  {"ready", health.ready},
+                  {"torque", health.torque},
+                  {"beats", health.beats},
+                  {"pings", health.pings},
+                  {"overruns", health.overruns},
+                  {"joints", health.joints},
+                  {"heard", health.drives.heard},
+                  {"faulty", health.drives.faulty},
+                  {"trouble", health.drives.trouble},
+                  {"problem", health.problem}};
   const fs::path draft = file.string() + ".new";
   std::ofstream out(draft);
   out << json.dump(1) << '\n';
@@ -91,10 +116,16 @@ void save_health(const ServiceHealth& health, const fs::path& file) {
 std::optional<ServiceHealth> load_health(const fs::path& file) {
   try {
     const Json json = Json::parse(read_file(file));
-    return ServiceHealth{json.at("bundle"),   json.at("process"), json.at("ready"),
-                         json.at("torque"),   json.at("beats"),   json.at("pings"),
-                         json.at("overruns"), json.at("joints"),  json.at("heard"),
-                         json.at("problem"),  json.at("trouble")};
+    return ServiceHealth{json.at("bundle"),
+                         json.at("process"),
+                         json.at("ready"),
+                         json.at("torque"),
+                         json.at("beats"),
+                         json.at("pings"),
+                         json.at("overruns"),
+                         json.at("joints"),
+                         {json.at("heard"), json.at("faulty"), json.at("trouble")},
+                         json.at("problem")};
   } catch (const InputError&) {
     return std::nullopt;
   } catch (const nlohmann::json::exception&) {
@@ -109,17 +140,19 @@ void await_health(const fs::path& file, const std::string& bundle, const HealthS
   };
   HealthWatch watch(bundle, settings.overruns);
   const auto end = Clock::now() + seconds(settings.timeout);
-  std::optional<Clock::time_point> well_since;
+  auto well_since = Clock::now();
   std::string wrong;
   for (auto now = Clock::now(); now < end; now = Clock::now()) {
     if (interrupted && interrupted()) throw JobFailed("interrupted");
-    const std::string found = watch.look(load_health(file), now);
-    if (found.empty()) {
-      if (!well_since) well_since = now;
-      if (now - *well_since >= seconds(settings.time)) return;
-    } else {
-      well_since.reset();
+    const std::optional<ServiceHealth> health = load_health(file);
+    const std::string found = watch.look(health, now);
+    if (const std::string joints = watch.hopeless(health, now); !joints.empty())
+      throw JobFailed(joints);
+    if (!found.empty()) {
+      well_since = now;
       wrong = found;
+    } else if (now - well_since >= seconds(settings.time)) {
+      return;
     }
     std::this_thread::sleep_for(kLook);
   }

@@ -63,11 +63,20 @@ std::string ServiceMonitor::find_problem(Clock::time_point now) {
   health_.beats = beats;
   health_.overruns = pulse.overruns;
   health_.torque = pulse.torque;
+  note_joints();
   if (loop_stands) return "the control loop stands still";
   if (publisher_stands) return "telemetry's publisher stands still";
   if (now - fresh_ > limit_)
     return std::to_string(pulse.stale_joints.load()) + " joints have had no fresh state";
   return "";
+}
+
+void ServiceMonitor::note_joints() {
+  if (!sources_.drives) return;
+  health_.drives = sources_.drives();
+  if (!health_.torque) return;
+  const auto stale = static_cast<int>(sources_.pulse->stale_joints);
+  health_.drives = {.heard = health_.joints - stale, .faulty = 0, .trouble = "no fresh state"};
 }
 
 void ServiceMonitor::tell(const std::string& problem) {

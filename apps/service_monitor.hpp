@@ -26,6 +26,8 @@ class ServiceMonitor {
     const RunPulse* pulse = nullptr;
     /// Counts the publisher's rounds; empty: no telemetry.
     std::function<std::uint64_t()> publisher;
+    /// The drives while they are off; empty: nobody asks them.
+    std::function<DriveHealth()> drives;
   };
   /// @param health  what is known already; the rest is filled in
   /// @param file  for the health; empty: none
@@ -46,6 +48,7 @@ class ServiceMonitor {
 
   void watch(const std::stop_token& stop);
   [[nodiscard]] std::string find_problem(Clock::time_point now);
+  void note_joints();
   void tell(const std::string& problem);
   void write_down();
 

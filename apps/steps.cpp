@@ -344,6 +344,7 @@ BusRun run_plan_on_buses(const RobotOptions& robot, const RobotModel& model,
   run.frame_log = options.frame_log;
   run.inputs = options.inputs;
   run.companion = options.companion;
+  run.before_enable = options.before_enable;
   run.dds = options.dds;
   for (const std::string& file : {log, options.frame_log, options.inputs})
     if (!file.empty()) make_folder_of(file);

@@ -69,9 +69,10 @@ struct ExecutionOptions {
   std::string inputs;        ///< file for `clamber replay`; empty: none
   std::string frame_log;     ///< motor buses in lock step or rehearsed: file for every frame
   std::string runtime = "configs/runtime/default.yaml";
-  std::string guard;            ///< see parse_guards(); empty: as in `runtime`
-  std::string operator_socket;  ///< empty: as in `runtime`
-  RunCompanion companion;       ///< of a service; empty: nobody watches
+  std::string guard;                    ///< see parse_guards(); empty: as in `runtime`
+  std::string operator_socket;          ///< empty: as in `runtime`
+  RunCompanion companion;               ///< of a service; empty: nobody watches
+  std::function<void()> before_enable;  ///< motor buses: see ExecutorOptions
 };
 void add_execution_options(CLI::App& command, ExecutionOptions& options);
 

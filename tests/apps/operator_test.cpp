@@ -312,6 +312,40 @@ class OperatedRun : public OperatorSocket {
   std::thread run_;
 };
 
+/// This process stands still for so long, all threads of it.
+void stand_still(std::chrono::milliseconds time) {
+  const pid_t child = fork();
+  if (child == 0) {
+    kill(getppid(), SIGSTOP);
+    usleep(static_cast<useconds_t>(1000 * time.count()));
+    kill(getppid(), SIGCONT);
+    _exit(0);
+  }
+  waitpid(child, nullptr, 0);
+}
+
+// Whoever judges a version before there is torque must see that its loop is late.
+TEST_F(OperatedRun, LateLooksForTheOperatorCount) {
+  RunPulse pulse;
+  std::atomic<int> told{0};
+  options_.pulse = &pulse;
+  options_.before_enable = [&] {
+    EXPECT_EQ(bus_.enabled, 0);
+    ++told;
+  };
+  start_run();
+  const std::uint64_t before = pulse.overruns;
+  stand_still(std::chrono::milliseconds(30));
+  for (int i = 0; i < 5000 && pulse.overruns == before; ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  EXPECT_GT(pulse.overruns, before);
+  EXPECT_EQ(told, 0);
+  EXPECT_EQ(say("arm"), "done");
+  EXPECT_EQ(told, 1);
+  EXPECT_GT(pulse.overruns, before);  // still those
+  end_run();
+}
+
 TEST_F(OperatedRun, WaitsForTheOperatorAndObeysHim) {
   start_run();
   EXPECT_EQ(state(), "disabled");

@@ -49,7 +49,7 @@ class ServiceTest : public testing::Test {
   }
 
   [[nodiscard]] ServiceMonitor::Sources sources() {
-    return {&pulse_, [this] { return rounds_.load(); }};
+    return {&pulse_, [this] { return rounds_.load(); }, {}};
   }
   [[nodiscard]] fs::path file() const { return folder_ / "health.json"; }
 
@@ -89,7 +89,7 @@ ServiceHealth health_of(const std::string& bundle, int joints, int heard) {
   health.bundle = bundle;
   health.process = getpid();
   health.joints = joints;
-  health.heard = heard;
+  health.drives.heard = heard;
   return health;
 }
 
@@ -164,11 +164,36 @@ TEST_F(ServiceTest, HealthIsWhatTheGateAsksFor) {
     EXPECT_THAT([&] { await_health(file(), "new", quick, [] { return true; }); },
                 ThrowsMessage<JobFailed>(HasSubstr("interrupted")));
   }
-  health.heard = 1;
-  health.trouble = "knee: no answer";
+  health.drives = {.heard = 1, .faulty = 0, .trouble = "knee: no answer"};
   const ServiceMonitor monitor(sources(), health, file());
   ASSERT_TRUE(hears("READY=1"));
   refused("new", "1 of 2 joints are not well: knee: no answer");
+}
+
+// A joint that was heard at the start and then is not: all of the time counts.
+TEST_F(ServiceTest, JointsMustBeWellAllTheTime) {
+  std::atomic<bool> broken{false};
+  int asked = 0;
+  ServiceMonitor::Sources watched = sources();
+  watched.drives = [&]() -> DriveHealth {
+    if (broken) return {.heard = 1, .faulty = 1, .trouble = "knee: error 10"};
+    if (++asked < 4) return {.heard = 2, .faulty = 0, .trouble = ""};
+    return {.heard = 1, .faulty = 0, .trouble = "knee: no answer"};
+  };
+  const ServiceMonitor monitor(watched, health_of("new", 2, 2), file());
+  EXPECT_THAT([&] { await_health(file(), "new", {.time = 4.0, .timeout = 100.0}, {}); },
+              ThrowsMessage<JobFailed>("1 of 2 joints are not well: knee: no answer"));
+  // An error does not go away by itself, and is not waited for.
+  broken = true;
+  EXPECT_THAT(
+      [&] { await_health(file(), "new", {.time = 1.0, .timeout = 100.0}, {}); },
+      ThrowsMessage<JobFailed>(testing::StartsWith("1 of 2 joints are not well: knee: err")));
+  // Armed: the control loop knows.
+  pulse_.stale_joints = 2;
+  pulse_.torque = pulse_.fault = true;
+  for (int i = 0; i < 1000 && load_health(file())->drives.heard != 0; ++i)
+    std::this_thread::sleep_for(10ms);
+  EXPECT_EQ(load_health(file())->drives.trouble, "no fresh state");
 }
 
 TEST_F(ServiceTest, LateTicksAndADeadProcessAreNotHealthy) {
