@@ -57,13 +57,11 @@ void run(const Options& options) {
   const RunSource source = open_run(options.file, options.source);
   make_folder_of(to.string());
   const std::unique_ptr<RunFile> out = open_target(to, source);
-  std::size_t frames = 0;
-  TelemetryFrame frame;
-  for (; source.next(frame); ++frames) out->add(frame);
-  out->close();
+  const CopiedRun copied = copy_run(source, *out);
   if (source.cut())
     std::cout << options.file << ": its end is missing; read up to the last complete second\n";
-  std::cout << "written: " << to.string() << ", " << frames << " frames, " << frame.time << " s\n";
+  std::cout << "written: " << to.string() << ", " << copied.frames << " frames, " << copied.end
+            << " s\n";
 }
 
 }  // namespace

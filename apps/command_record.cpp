@@ -10,6 +10,7 @@
 #include "apps/run_support.hpp"
 #include "recording/run_recorder.hpp"
 #include "report/scene_json.hpp"
+#include "telemetry/event_history.hpp"
 #include "telemetry/frame_subscription.hpp"
 
 namespace clamber {
@@ -44,7 +45,7 @@ class Recording {
         config_(telemetry_config(options.live)),
         model_(load_robot(options.live.robot)),
         scenario_(load_scenario(options.live.scenario)),
-        subscription_(config_) {}
+        subscription_(config_, handlers()) {}
 
   void run() {
     std::cout << "waiting for robot '" << config_.robot << "' on DDS domain " << config_.domain
@@ -53,7 +54,7 @@ class Recording {
     const Clock::time_point start = Clock::now();
     Clock::time_point flushed = start;
     while (!stop_.flag()->load() && !over()) {
-      receive();
+      subscription_.receive(100ms);
       const Clock::time_point now = Clock::now();
       if (frames_ == 0 && now - start > Seconds(options_.timeout))
         throw JobFailed("no telemetry of robot '" + config_.robot + "' on DDS domain " +
@@ -75,10 +76,12 @@ class Recording {
     return subscription_.publishers() == 0 && Clock::now() - received_ > kOver;
   }
 
-  void receive() {
-    subscription_.receive(
-        100ms, {.description = [this](const TelemetryDescription& d) { description_ = d; },
-                .frame = [this](const TelemetryFrame& frame) { take(frame); }});
+  FrameSubscription::Handlers handlers() {
+    return {
+        .description = [this](const TelemetryDescription& d) { description_ = d; },
+        .frame = [this](const TelemetryFrame& frame) { take(frame); },
+        .event = [this](const TelemetryEvent& event, std::int64_t start) { take(event, start); },
+        .robot_description = [this](const std::string& urdf) { take(urdf); }};
   }
 
   void take(const TelemetryFrame& frame) {
@@ -96,6 +99,19 @@ class Recording {
     received_ = Clock::now();
   }
 
+  void take(const TelemetryEvent& event, std::int64_t start) {
+    // Of the next run, whose frames are yet to come.
+    if (recorder_ && history_.start() != 0 && start != history_.start()) another_run_ = true;
+    if (another_run_) return;
+    if (history_.add(event, start) && recorder_) recorder_->add(event);
+  }
+
+  /// Comes when the run does, and again from a publisher that was started again.
+  void take(const std::string& urdf) {
+    if (recorder_ && urdf_.empty()) recorder_->add_urdf(urdf);
+    urdf_ = urdf;
+  }
+
   void begin(const TelemetryFrame& frame) {
     const bool known = is_of(*description_, model_);
     if (!known)
@@ -103,10 +119,14 @@ class Recording {
                 << " (--robot): recorded without shapes and /tf\n"
                 << std::flush;
     RunDescription run{.robot = config_.robot, .telemetry = *description_, .scene = {}};
-    if (known) run.scene = scene_json(model_, scenario_, {});
+    if (known) run.scene = scene_json(model_, scenario_);
     first_time_ = frame.time;
     const auto since_start = static_cast<std::uint64_t>(frame.time * 1e9);
-    recorder_.emplace(options_.out, run, known ? &model_ : nullptr, now_since_1970() - since_start);
+    recorder_.emplace(options_.out, run, known ? &model_ : nullptr, now_since_1970() - since_start,
+                      first_time_);
+    // What a run that is under way has told so far.
+    if (!urdf_.empty()) recorder_->add_urdf(urdf_);
+    for (const TelemetryEvent& event : history_.events()) recorder_->add(event);
     std::cout << "recording to " << options_.out << "; Ctrl-C ends it\n" << std::flush;
   }
 
@@ -124,6 +144,8 @@ class Recording {
   StopGuard stop_;
   FrameSubscription subscription_;
   std::optional<TelemetryDescription> description_;
+  std::string urdf_;
+  EventHistory history_;
   std::optional<RunRecorder> recorder_;
   TelemetryFrame last_;
   double first_time_ = 0.0;

@@ -5,6 +5,7 @@
 #include <iostream>
 #include <memory>
 #include <thread>
+#include <utility>
 
 #include <unistd.h>
 
@@ -15,9 +16,11 @@
 #include "recording/run_file.hpp"
 #include "report/scene_json.hpp"
 #include "robot_model/loader.hpp"
+#include "telemetry/event_history.hpp"
 #include "telemetry/frame_subscription.hpp"
 #include "web/page.hpp"
 #include "web/server.hpp"
+#include "web/story.hpp"
 #include "web/view_rows.hpp"
 
 namespace clamber {
@@ -55,9 +58,7 @@ class ServedRecording {
     if (!source.model) return;  // an MCAP file
     path_ = fs::temp_directory_path() / ("clamber_web_" + std::to_string(getpid()) + ".mcap");
     made_ = true;
-    const std::unique_ptr<RunFile> out = open_mcap(path_, source.run, &*source.model);
-    for (TelemetryFrame frame; source.next(frame);) out->add(frame);
-    out->close();
+    copy_run(source, *open_mcap(path_, source.run, &*source.model));
   }
   ~ServedRecording() {
     std::error_code error;
@@ -88,11 +89,12 @@ class LiveView {
         robot_(options.live.robot.robot),
         rows_(model_.joints.size(), model_.contacts.size()),
         feed_(rows_.width()),
-        subscription_(config_),
+        subscription_(config_, handlers()),
         server_(options.port,
-                {.scene = scene_json(model_, load_scenario(options.live.scenario), {}),
+                {.scene = scene_json(model_, load_scenario(options.live.scenario)),
                  .layout = rows_.layout(),
                  .feed = &feed_,
+                 .story = &story_,
                  .note = [this] { return note(); }},
                 {}) {}
 
@@ -104,17 +106,31 @@ class LiveView {
   }
 
  private:
+  FrameSubscription::Handlers handlers() {
+    return {
+        .description = [this](const TelemetryDescription& d) { describe(d); },
+        .frame = [this](const TelemetryFrame& frame) { take(frame); },
+        .event = [this](const TelemetryEvent& event,
+                        std::int64_t start) { changed_ = history_.add(event, start) || changed_; },
+        .robot_description = {}};
+  }
+
   void receive() {
-    subscription_.receive(
-        100ms,
-        {.description = [this](const TelemetryDescription& d) { other_ = !is_of(d, model_); },
-         .frame =
-             [this](const TelemetryFrame& frame) {
-               if (other_) return;
-               const std::span<const float> row = rows_.add(frame);
-               if (!row.empty()) feed_.push(row);
-             }});
+    subscription_.receive(100ms);
     publishers_ = subscription_.publishers();
+    if (std::exchange(changed_, false)) story_.tell(story_json(names_, history_.events()));
+  }
+
+  void describe(const TelemetryDescription& description) {
+    other_ = !is_of(description, model_);
+    names_ = description;
+    changed_ = true;
+  }
+
+  void take(const TelemetryFrame& frame) {
+    if (other_) return;
+    const std::span<const float> row = rows_.add(frame);
+    if (!row.empty()) feed_.push(row);
   }
 
   /// Called by the server's threads.
@@ -131,6 +147,10 @@ class LiveView {
   std::string robot_;
   ViewRows rows_;
   LiveFeed feed_;
+  LiveStory story_;
+  TelemetryDescription names_;
+  EventHistory history_;
+  bool changed_ = false;  ///< the story, since it was told
   FrameSubscription subscription_;
   std::atomic<bool> other_{false};
   std::atomic<int> publishers_{0};

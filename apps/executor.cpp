@@ -81,7 +81,6 @@ class Loop {
         options_(options),
         report_(report),
         seat_(options.desk, controller),
-        events_(options.telemetry),
         grid_(controller.config().dt),
         guards_(options.runtime.guards, ticks_in(options.runtime.warm_up, controller.config().dt)),
         guard_exchange_(options.bus_calls != BusCalls::kSimulation),
@@ -269,7 +268,8 @@ class Loop {
     loop_.bus_status = static_cast<std::uint64_t>(report_.bus);
     // A frame that finds no room is counted by the port; the tick carries on.
     (void)options_.telemetry->push(frame_, loop_);
-    events_.after_tick(frame_);
+    for (const TelemetryEvent& event : events_.after_tick(frame_))
+      (void)options_.telemetry->push(event);
   }
 
   Controller& controller_;

@@ -2,8 +2,12 @@
 
 #include <sys/utsname.h>
 
+#include <deque>
 #include <system_error>
 
+#include "apps/executed_plan.hpp"
+#include "apps/run_events.hpp"
+#include "apps/run_support.hpp"
 #include "planner_offline/contacts/contact_sequence.hpp"
 #include "planner_offline/plan.hpp"
 #include "report/report.hpp"
@@ -11,6 +15,7 @@
 #include "robot_model/loader.hpp"
 #include "robot_model/read_file.hpp"
 #include "web/page.hpp"
+#include "web/story.hpp"
 
 namespace clamber {
 namespace {
@@ -111,14 +116,28 @@ ContactTable table_of(const std::vector<ContactState>& states) {
   return table;
 }
 
+/// What the climb's log tells of it, as the page shows it.
+std::string story_of(const ReportInput& input) {
+  const TelemetryDescription names =
+      description_of(input.climb.model,
+                     {.sha256 = input.summary.plan_sha256,
+                      .urdf = {},
+                      .phases = describe_phases(input.plan, input.climb.model)},
+                     0.0);
+  LoggedEvents log(names);
+  std::deque<TelemetryEvent> events;
+  for (const TelemetryFrame& frame : input.climb.frames)
+    log.after_tick(frame, [&](const TelemetryEvent& event) { events.push_back(event); });
+  return story_json(names, events);
+}
+
 /// The climb to look at in the browser. False where the program has no page.
 bool write_climb_page(const ReportInput& input, const OutFolder& out) {
-  std::vector<std::string> phases;
-  for (const Phase& phase : input.plan.phases) phases.push_back(phase.name);
   const RunData& climb = input.climb;
   const std::string page =
       web_page_with_run({.name = climb.model.name + ", " + climb.scenario.name,
-                         .scene = scene_json(climb.model, climb.scenario, phases),
+                         .scene = scene_json(climb.model, climb.scenario),
+                         .story = story_of(input),
                          .joints = climb.model.joints.size(),
                          .contacts = climb.model.contacts.size(),
                          .next = [&climb, i = std::size_t{0}](TelemetryFrame& frame) mutable {

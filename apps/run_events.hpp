@@ -1,28 +1,49 @@
-// Tells telemetry what changes from tick to tick: the supervisor's mode, faults, phases.
-// Control thread; allocates: never; blocks: never.
+// What changes from tick to tick, as telemetry's events: the supervisor's mode, faults, phases.
 #pragma once
 
-#include "telemetry/port.hpp"
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <span>
+#include <string_view>
+
+#include "telemetry/event.hpp"
+#include "telemetry/frame.hpp"
+#include "telemetry/telemetry_config.hpp"
 
 namespace clamber {
 
+/// What a run begins with. Any thread; allocates: never; blocks: never.
+[[nodiscard]] TelemetryEvent plan_event(std::string_view sha256) noexcept;
+
+/// Control thread; allocates: never; blocks: never.
 class RunEvents {
  public:
-  /// @param port nullptr: nobody is told
-  explicit RunEvents(TelemetryPort* port) noexcept : port_(port) {}
-
-  void after_tick(const TelemetryFrame& frame) noexcept;
+  /// What has changed since the frame before; of the first frame, all but the absence of a fault.
+  /// Valid until the next call.
+  [[nodiscard]] std::span<const TelemetryEvent> after_tick(const TelemetryFrame& frame) noexcept;
 
  private:
-  void tell_mode(const TelemetryFrame& frame) noexcept;
-  void tell_fault(const TelemetryFrame& frame) noexcept;
-  void tell_phase(const TelemetryFrame& frame) noexcept;
-
-  TelemetryPort* port_;
-  bool first_ = true;
-  std::uint32_t mode_ = 0;
   std::uint32_t fault_ = 0;
-  std::uint32_t phase_ = 0;
+  std::optional<std::uint32_t> mode_;
+  std::optional<std::uint32_t> phase_;
+  std::array<TelemetryEvent, 3> events_;
+};
+
+/// The events of a run of which only the log is left, as telemetry told them: numbered and named.
+/// One thread; allocates; blocks: never.
+class LoggedEvents {
+ public:
+  using Take = std::function<void(const TelemetryEvent&)>;
+
+  explicit LoggedEvents(TelemetryDescription description);
+  void after_tick(const TelemetryFrame& frame, const Take& take);
+
+ private:
+  TelemetryDescription description_;
+  RunEvents changes_;
+  std::uint64_t told_ = 0;
 };
 
 }  // namespace clamber

@@ -8,6 +8,7 @@
 
 #include "apps/options.hpp"
 #include "recording/run_description.hpp"
+#include "recording/run_file.hpp"
 #include "telemetry/frame.hpp"
 
 namespace clamber {
@@ -24,9 +25,17 @@ struct RunSource {
   RunDescription run;
   std::optional<RobotModel> model;            ///< nothing: the robot is known by name only
   std::function<bool(TelemetryFrame&)> next;  ///< false after the last frame
+  std::function<RunNotes()> notes;            ///< what came with the frames since the last call
   std::function<bool()> cut;                  ///< after the last frame: the end is missing
 };
 [[nodiscard]] RunSource open_run(const std::filesystem::path& file,
                                  const RunSourceOptions& options);
+
+struct CopiedRun {
+  std::size_t frames = 0;
+  double end = 0.0;  ///< s, of the last frame
+};
+/// All of it, and closes the file.
+CopiedRun copy_run(const RunSource& source, RunFile& to);
 
 }  // namespace clamber

@@ -8,10 +8,13 @@
 #include <utility>
 
 #include "apps/controller_config.hpp"
+#include "apps/run_events.hpp"
 #include "robot_model/loader.hpp"
 
 namespace clamber {
 namespace {
+
+constexpr std::chrono::seconds kPatience{5};
 
 std::atomic<bool> stop_requested{false};
 static_assert(std::atomic<bool>::is_always_lock_free);
@@ -72,8 +75,6 @@ TelemetryDescription description_of(const RobotModel& model) {
   return description;
 }
 
-namespace {
-
 TelemetryDescription description_of(const RobotModel& model, const ExecutedPlan& plan, double dt) {
   TelemetryDescription description = description_of(model);
   description.dt = dt;
@@ -82,15 +83,6 @@ TelemetryDescription description_of(const RobotModel& model, const ExecutedPlan&
   description.urdf = plan.urdf;
   return description;
 }
-
-TelemetryEvent plan_event(const ExecutedPlan& plan) {
-  TelemetryEvent event;
-  event.kind = EventKind::kPlan;
-  event.append("plan " + plan.sha256);
-  return event;
-}
-
-}  // namespace
 
 LoadedController::LoadedController(const RobotModel& model, const ControllerConfig& config,
                                    std::span<const std::byte> image)
@@ -155,7 +147,7 @@ RunTelemetry::RunTelemetry(const RobotModel& model, const TelemetryConfig& wante
                                  kPublisherCommand});
   else
     publisher_.emplace(config, description, memory_.block());
-  (void)port_.push(plan_event(plan));
+  (void)port_.push(plan_event(plan.sha256));
 }
 
 void RunTelemetry::wait_for_room() {
@@ -163,7 +155,7 @@ void RunTelemetry::wait_for_room() {
   const auto start = std::chrono::steady_clock::now();
   while (waits_ && ring.size() + 1 >= TelemetryBlock::kRecords) {
     std::this_thread::sleep_for(std::chrono::microseconds(200));
-    waits_ = std::chrono::steady_clock::now() - start < std::chrono::seconds(2);
+    waits_ = std::chrono::steady_clock::now() - start < kPatience;
   }
 }
 
@@ -178,9 +170,9 @@ std::string describe(const PublisherCounters& counters) {
          std::to_string(counters.events) + " events published, " +
          std::to_string(counters.ring_drops) + " dropped, " + std::to_string(counters.refused) +
          " refused" +
-         (counters.restarts > 0
-              ? ", publisher restarted " + std::to_string(counters.restarts) + " times"
-              : "") +
+         (counters.restarts > 0 ? ", publisher restarted " + std::to_string(counters.restarts) +
+                                      " times (" + std::to_string(counters.hangs) + " hung)"
+                                : "") +
          "\n";
 }
 

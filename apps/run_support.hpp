@@ -72,6 +72,9 @@ class RunOperator {
 
 /// What a subscriber is told about the robot's frames.
 [[nodiscard]] TelemetryDescription description_of(const RobotModel& model);
+/// With what is executed. @param dt s from tick to tick
+[[nodiscard]] TelemetryDescription description_of(const RobotModel& model, const ExecutedPlan& plan,
+                                                  double dt);
 
 /// Port and publisher; constructed before the run, finished after it.
 class RunTelemetry {
@@ -81,8 +84,9 @@ class RunTelemetry {
                double dt);
 
   [[nodiscard]] TelemetryPort& port() { return port_; }
-  /// Outside the tick: waits until the publisher has made room. One that makes none for 2 s, dead
-  /// or stuck, is not waited for again: the run goes on, and what is lost is counted.
+  /// Outside the tick: waits until the publisher has made room. One that makes none for 5 s, within
+  /// which one that is dead or hangs is replaced, is not waited for again: the run goes on, and
+  /// what is lost is counted.
   void wait_for_room();
   PublisherCounters finish();
   /// How often the publisher has looked for frames. Any thread.

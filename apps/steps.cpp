@@ -13,7 +13,6 @@
 #include "planner_offline/settings_file.hpp"
 #include "report/peaks.hpp"
 #include "robot_model/loader.hpp"
-#include "robot_model/read_file.hpp"
 #include "robot_model/sha256.hpp"
 #include "robot_model/yaml_reader.hpp"
 
@@ -63,26 +62,6 @@ struct PreparedRun {
   std::string plan_sha256;
   ExecutedPlan executed;
 };
-
-std::string read_urdf(const RobotOptions& robot) {
-  const std::filesystem::path file = find_robot(robot.robot);
-  return read_file(file.parent_path() / YamlNode::load(file).at("urdf").text());
-}
-
-/// With the contacts that carry in every keyframe of a phase: those that its first one brings in or
-/// its last one takes away do so on the way.
-std::vector<DescribedPhase> describe_phases(const Plan& plan, const RobotModel& model) {
-  std::vector<DescribedPhase> phases;
-  const std::uint32_t all = (1u << model.contacts.size()) - 1u;
-  for (const Phase& phase : plan.phases) phases.push_back({phase.name, all});
-  for (const Keyframe& keyframe : plan.keyframes) {
-    std::uint32_t carrying = 0;
-    for (const PlannedContact& contact : keyframe.contacts)
-      if (const auto index = model.find_contact(contact.link)) carrying |= 1u << *index;
-    phases[static_cast<std::size_t>(keyframe.phase)].contacts &= carrying;
-  }
-  return phases;
-}
 
 PreparedRun prepare_run(const RobotOptions& robot, const RobotModel& model,
                         const Scenario& scenario, const std::string& plan_file,

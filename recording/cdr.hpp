@@ -8,6 +8,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace clamber {
 
@@ -87,13 +88,21 @@ class CdrReader {
   }
   /// @return how many there were; more than fit are an error
   std::uint32_t sequence(std::span<double> values) {
-    const auto size = number<std::uint32_t>();
-    if (size > values.size()) {
-      fail();
-      return 0;
-    }
+    const std::uint32_t size = count(values.size());
     fixed(values.first(size));
     return size;
+  }
+  /// Of a sequence; more than `most` are an error.
+  std::uint32_t count(std::size_t most) {
+    const auto size = number<std::uint32_t>();
+    if (size <= most) return size;
+    fail();
+    return 0;
+  }
+  std::vector<std::string> text_sequence(std::size_t most) {
+    std::vector<std::string> texts(count(most));
+    for (std::string& each : texts) each = text();
+    return texts;
   }
   [[nodiscard]] bool ok() const { return ok_; }
 

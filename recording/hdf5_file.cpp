@@ -61,6 +61,11 @@ class Hdf5File final : public RunFile {
     write_texts(file_, "robot", {run.robot});
     write_texts(file_, "joint_names", run.telemetry.joint_names);
     write_texts(file_, "contact_names", run.telemetry.contact_names);
+    write_texts(file_, "modes", run.telemetry.modes);
+    write_texts(file_, "faults", run.telemetry.faults);
+    std::vector<std::string> phases;
+    for (const DescribedPhase& phase : run.telemetry.phases) phases.push_back(phase.name);
+    write_texts(file_, "phases", phases);
     write_limits(run.telemetry.torque_limits);
     create_columns();
   }

@@ -155,7 +155,8 @@ class McapWriter::Impl {
     return static_cast<std::uint16_t>(channels_.size() - 1);
   }
 
-  void write(std::uint16_t channel, std::uint64_t time, std::string_view message) {
+  void write(std::uint16_t channel, std::uint64_t time, std::uint64_t published,
+             std::string_view message) {
     if (chunk_.size() >= kChunkBytes ||
         (!chunk_times_.empty() && time >= chunk_times_.first + kChunkTime))
       flush();
@@ -164,8 +165,8 @@ class McapWriter::Impl {
     message_.clear();
     message_.number(channel);
     message_.number(static_cast<std::uint32_t>(used.messages));
-    message_.number(time);  // recorded
-    message_.number(time);  // published
+    message_.number(time);
+    message_.number(published);
     message_.raw(message);
     chunk_.record(Opcode::kMessage, message_.view());
     chunk_times_.add(time);
@@ -346,8 +347,9 @@ std::uint16_t McapWriter::add_channel(const std::string& topic, const McapSchema
                                       const std::string& message_encoding) {
   return impl_->add_channel(topic, schema, message_encoding);
 }
-void McapWriter::write(std::uint16_t channel, std::uint64_t time, std::string_view message) {
-  impl_->write(channel, time, message);
+void McapWriter::write(std::uint16_t channel, std::uint64_t time, std::uint64_t published,
+                       std::string_view message) {
+  impl_->write(channel, time, published, message);
 }
 void McapWriter::flush() { impl_->flush(); }
 void McapWriter::close() { impl_->close(); }

@@ -35,8 +35,15 @@ class McapWriter {
   std::uint16_t add_channel(const std::string& topic, const McapSchema& schema,
                             const std::string& message_encoding);
   /// Adds a message to the open chunk, which ends by itself after a second (of the messages' own
-  /// time) or a megabyte. @param time ns @throws InputError
-  void write(std::uint16_t channel, std::uint64_t time, std::string_view message);
+  /// time) or a megabyte.
+  /// @param time ns, of the recording; viewers order by it
+  /// @param published ns, when it was sent: for what a recorder that came late is told of the past
+  /// @throws InputError
+  void write(std::uint16_t channel, std::uint64_t time, std::uint64_t published,
+             std::string_view message);
+  void write(std::uint16_t channel, std::uint64_t time, std::string_view message) {
+    write(channel, time, time, message);
+  }
   /// Writes the open chunk out. @throws InputError
   void flush();
   /// Writes index and statistics; nothing can be added any more. @throws InputError

@@ -110,32 +110,113 @@ McapSchema description_schema() {
           .text =
               "string robot\nstring[] joint_names\n"
               "float64[] torque_limit  # N m, magnitude; none when unknown\n"
-              "string[] contact_names\n"};
+              "string[] contact_names\n"
+              "string plan  # SHA-256 of what was executed; empty when unknown\n"
+              "string[] modes  # names of Tick.mode\n"
+              "string[] faults  # names of Tick.fault\n"
+              "clamber/Phase[] phases  # of Tick.phase\n" +
+              dependency("clamber/Phase",
+                         "string name\n"
+                         "uint32 contacts  # one bit per contact that is to carry\n")};
 }
 
 void encode_description(const RunDescription& run, CdrWriter& out) {
+  const TelemetryDescription& described = run.telemetry;
   out.start();
   out.text(run.robot);
-  out.text_sequence(run.telemetry.joint_names);
-  out.sequence(run.telemetry.torque_limits);
-  out.text_sequence(run.telemetry.contact_names);
+  out.text_sequence(described.joint_names);
+  out.sequence(described.torque_limits);
+  out.text_sequence(described.contact_names);
+  out.text(described.plan);
+  out.text_sequence(described.modes);
+  out.text_sequence(described.faults);
+  out.number(static_cast<std::uint32_t>(described.phases.size()));
+  for (const DescribedPhase& phase : described.phases) {
+    out.text(phase.name);
+    out.number(phase.contacts);
+  }
 }
 
 bool decode_description(std::string_view bytes, RunDescription& run) {
   CdrReader in(bytes);
+  TelemetryDescription& described = run.telemetry;
   run.robot = in.text();
-  const auto names = [&](std::size_t most) {
-    std::vector<std::string> list;
-    const auto size = in.number<std::uint32_t>();
-    for (std::uint32_t i = 0; i < size && list.size() < most && in.ok(); ++i)
-      list.push_back(in.text());
-    return list;
-  };
-  run.telemetry.joint_names = names(kMaxJoints);
+  described.joint_names = in.text_sequence(kMaxJoints);
   PerJoint limits{};
   const std::uint32_t count = in.sequence(limits);
-  run.telemetry.torque_limits.assign(limits.begin(), limits.begin() + count);
-  run.telemetry.contact_names = names(kMaxContacts);
+  described.torque_limits.assign(limits.begin(), limits.begin() + count);
+  described.contact_names = in.text_sequence(kMaxContacts);
+  described.plan = in.text();
+  described.modes = in.text_sequence(TelemetryDescription::kMaxModes);
+  described.faults = in.text_sequence(TelemetryDescription::kMaxFaults);
+  const std::uint32_t phases = in.count(TelemetryDescription::kMaxPhases);
+  for (std::uint32_t i = 0; i < phases && in.ok(); ++i) {
+    DescribedPhase& phase = described.phases.emplace_back();
+    phase.name = in.text();
+    phase.contacts = in.number<std::uint32_t>();
+  }
+  return in.ok();
+}
+
+McapSchema event_schema() {
+  // A constant before a field of its type is a name of its values to Foxglove.
+  return {.name = "clamber/msg/Event",
+          .encoding = "ros2msg",
+          .text =
+              "uint64 number  # counts the run's events: a gap is a loss\n"
+              "uint64 tick\n"
+              "float64 time  # s since the first tick\n"
+              "builtin_interfaces/Time stamp\n"
+              "uint32 MODE=0\nuint32 FAULT=1\nuint32 PHASE=2\nuint32 PLAN=3\n"
+              "uint32 TELEMETRY=4\nuint32 kind\n"
+              "uint32 INFO=0\nuint32 WARNING=1\nuint32 ERROR=2\nuint32 severity\n"
+              "int32 joint  # index into Description.joint_names; -1: none\n"
+              "uint32 phase\n"
+              "string text\n" +
+              dependency("builtin_interfaces/Time", kTime)};
+}
+
+void encode_event(const TelemetryEvent& event, std::uint64_t time, CdrWriter& out) {
+  out.start();
+  out.number(event.sequence);
+  out.number(event.tick);
+  out.number(event.time);
+  encode_stamp(time, out);
+  out.number(static_cast<std::uint32_t>(event.kind));
+  out.number(static_cast<std::uint32_t>(event.severity));
+  out.number(event.joint);
+  out.number(event.phase);
+  out.text(event.view());
+}
+
+bool decode_event(std::string_view bytes, TelemetryEvent& event) {
+  event = {};
+  CdrReader in(bytes);
+  event.sequence = in.number<std::uint64_t>();
+  event.tick = in.number<std::uint64_t>();
+  event.time = in.number<double>();
+  in.number<std::int32_t>();  // stamp
+  in.number<std::uint32_t>();
+  event.kind = static_cast<EventKind>(in.number<std::uint32_t>());
+  event.severity = static_cast<Severity>(in.number<std::uint32_t>());
+  event.joint = in.number<std::int32_t>();
+  event.phase = in.number<std::uint32_t>();
+  event.append(in.text());
+  return in.ok();
+}
+
+McapSchema string_schema() {
+  return {.name = "std_msgs/msg/String", .encoding = "ros2msg", .text = "string data\n"};
+}
+
+void encode_string(std::string_view text, CdrWriter& out) {
+  out.start();
+  out.text(text);
+}
+
+bool decode_string(std::string_view bytes, std::string& text) {
+  CdrReader in(bytes);
+  text = in.text();
   return in.ok();
 }
 
@@ -162,16 +243,16 @@ McapSchema tf_schema() {
   return {
       .name = "tf2_msgs/msg/TFMessage",
       .encoding = "ros2msg",
-      .text = with_header(
-          "geometry_msgs/TransformStamped[] transforms\n" +
-          dependency("geometry_msgs/TransformStamped",
-                     "std_msgs/Header header\nstring child_frame_id\n"
-                     "geometry_msgs/Transform transform\n") +
-          dependency("geometry_msgs/Transform",
-                     "geometry_msgs/Vector3 translation\n"
-                     "geometry_msgs/Quaternion rotation\n") +
-          dependency("geometry_msgs/Vector3", "float64 x\nfloat64 y\nfloat64 z\n") +
-          dependency("geometry_msgs/Quaternion", "float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n"))};
+      .text = with_header("geometry_msgs/TransformStamped[] transforms\n" +
+                          dependency("geometry_msgs/TransformStamped",
+                                     "std_msgs/Header header\nstring child_frame_id\n"
+                                     "geometry_msgs/Transform transform\n") +
+                          dependency("geometry_msgs/Transform",
+                                     "geometry_msgs/Vector3 translation\n"
+                                     "geometry_msgs/Quaternion rotation\n") +
+                          dependency("geometry_msgs/Vector3", "float64 x\nfloat64 y\nfloat64 z\n") +
+                          dependency("geometry_msgs/Quaternion",
+                                     "float64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1\n"))};
 }
 
 void encode_tf(const RobotModel& model, const RobotData& data, std::uint64_t time, CdrWriter& out) {

@@ -2,12 +2,14 @@
 // Any thread; allocates; blocks: never.
 #pragma once
 
+#include <string>
 #include <string_view>
 
 #include "recording/cdr.hpp"
 #include "recording/mcap_writer.hpp"
 #include "recording/run_description.hpp"
 #include "robot_model/kinematics.hpp"
+#include "telemetry/event.hpp"
 #include "telemetry/frame.hpp"
 
 namespace clamber {
@@ -19,10 +21,21 @@ void encode_tick(const TelemetryFrame& frame, CdrWriter& out);
 /// False when the bytes are no such message.
 [[nodiscard]] bool decode_tick(std::string_view bytes, TelemetryFrame& frame);
 
-/// Names and limits: clamber/msg/Description.
+/// Names, limits and phases: clamber/msg/Description.
 [[nodiscard]] McapSchema description_schema();
 void encode_description(const RunDescription& run, CdrWriter& out);
 [[nodiscard]] bool decode_description(std::string_view bytes, RunDescription& run);
+
+/// What happens once in a while: clamber/msg/Event. @param time ns, its stamp
+[[nodiscard]] McapSchema event_schema();
+void encode_event(const TelemetryEvent& event, std::uint64_t time, CdrWriter& out);
+[[nodiscard]] bool decode_event(std::string_view bytes, TelemetryEvent& event);
+
+/// std_msgs/msg/String, for the URDF on the topic that ROS 2's tools expect it on.
+inline constexpr const char* kUrdfTopic = "/robot_description";
+[[nodiscard]] McapSchema string_schema();
+void encode_string(std::string_view text, CdrWriter& out);
+[[nodiscard]] bool decode_string(std::string_view bytes, std::string& text);
 
 /// sensor_msgs/msg/JointState. @param time ns
 [[nodiscard]] McapSchema joint_state_schema();

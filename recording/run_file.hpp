@@ -7,6 +7,7 @@
 #include <string>
 
 #include "recording/run_description.hpp"
+#include "telemetry/event.hpp"
 #include "telemetry/frame.hpp"
 
 namespace clamber {
@@ -20,6 +21,10 @@ class RunFile {
 
   /// Frames in time order, joint and contact counts as described. @throws InputError
   virtual void add(const TelemetryFrame& frame) = 0;
+  /// Events in the order of their numbers. A table has no place for them. @throws InputError
+  virtual void add(const TelemetryEvent& /*event*/) {}
+  /// The robot's URDF, once; likewise.
+  virtual void add_urdf(const std::string& /*urdf*/) {}
   /// Makes sure that everything reached the file. @throws InputError
   virtual void close() = 0;
 };
@@ -30,7 +35,8 @@ class RunFile {
                                                 const RunDescription& run);
 
 /// One data set per field, [frame] or [frame, joint], with its unit as attribute "unit"; names of
-/// joints and contacts, torque limits and the robot's name as attributes of the root.
+/// joints, contacts, modes, faults and phases, torque limits and the robot's name as attributes of
+/// the root.
 [[nodiscard]] std::unique_ptr<RunFile> open_hdf5(const std::filesystem::path& file,
                                                  const RunDescription& run);
 

@@ -22,9 +22,21 @@ RunReader::RunReader(const std::filesystem::path& file) : file_(file), reader_(f
                    (reader_.cut() ? "; the file is cut" : "") + ")");
 }
 
+void RunReader::take(const McapMessage& message) {
+  static const std::string event = event_schema().name;
+  const auto require = [&](bool good, const char* what) {
+    if (!good) throw InputError(file_.string() + ": " + what + " that cannot be read");
+  };
+  if (message.schema == event)
+    require(decode_event(message.data, notes_.events.emplace_back()), "an event");
+  else if (message.topic == kUrdfTopic)
+    require(decode_string(message.data, notes_.urdf), "a robot description");
+}
+
 bool RunReader::next(TelemetryFrame& frame) {
   static const std::string tick = tick_schema().name;
   for (McapMessage message; reader_.next(message);) {
+    take(message);
     if (message.schema != tick) continue;
     if (!decode_tick(message.data, frame) ||
         frame.joint_count != run_.telemetry.joint_names.size() ||

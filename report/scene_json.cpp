@@ -78,19 +78,16 @@ Json contacts(const RobotModel& model) {
 
 }  // namespace
 
-std::string scene_json(const RobotModel& model, const Scenario& scenario,
-                       const std::vector<std::string>& phases) {
+std::string scene_json(const RobotModel& model, const Scenario& scenario) {
   Json json = {{"robot", model.name},         {"height", standing_height(model)},
                {"yaw", scenario.start_yaw},   {"joints", Json::array()},
                {"bodies", bodies(model)},     {"geoms", geoms(model)},
-               {"contacts", contacts(model)}, {"obstacles", Json::array()},
-               {"phases", Json::array()}};
+               {"contacts", contacts(model)}, {"obstacles", Json::array()}};
   for (const Joint& joint : model.joints)
     json["joints"].push_back({{"name", joint.name}, {"limit", joint.torque_limit}});
   for (const ObstacleBox& box : scenario.obstacles)
     json["obstacles"].push_back(
         {{"center", numbers(box.center)}, {"half", numbers(box.half_extents)}, {"yaw", box.yaw}});
-  for (const std::string& phase : phases) json["phases"].push_back({{"name", phase}});
   return json.dump();
 }
 

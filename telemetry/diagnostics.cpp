@@ -120,6 +120,7 @@ DiagnosticStatus_ telemetry(const std::string& robot, const DiagnosticInputs& in
       .value("gaps", t.gaps())
       .value("refused", t.refused())
       .value("restarts", t.restarts())
+      .value("of those hung", t.hangs())
       .take();
 }
 

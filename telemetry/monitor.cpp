@@ -104,6 +104,7 @@ class Subscription {
       loop.gaps = t.gaps();
       loop.refused = t.refused();
       loop.restarts = t.restarts();
+      loop.hangs = t.hangs();
       loop.event_drops = t.event_drops();
     });
     take_all(bus_, bus_sample_, [&](const msg::dds_::BusHealth_& bus) {

@@ -48,9 +48,11 @@ struct PublisherState {
   std::atomic<std::uint64_t> events{0};  ///< published since the start, so the next one's sequence
   std::atomic<std::uint64_t> starts{0};  ///< of a process of its own that joined DDS
   std::atomic<std::uint64_t> restarts{0};    ///< attempts after a death, counted by who starts it
-  std::atomic<std::uint64_t> announced{0};   ///< of those, that an event has told of
+  std::atomic<std::uint64_t> hangs{0};       ///< of those, of one that stood still and was killed
+  std::atomic<std::uint64_t> announced{0};   ///< of the restarts, that an event has told of
   std::atomic<std::int64_t> start_stamp{0};  ///< ns since 1970 of tick 0; 0: not known yet
-  std::atomic<std::uint64_t> rounds{0};      ///< looks at the rings: it lives
+  std::atomic<std::uint64_t> rounds{0};      ///< looks at the rings: its pulse
+  std::atomic<std::uint64_t> watches{0};     ///< looks at a process of its own: somebody cares
   std::array<std::atomic<std::uint64_t>, 4> numbers{};  ///< samples so far, of the slower topics
   std::array<TelemetryEvent, kEventsKept> kept;  ///< the last events, at sequence % kEventsKept
 };

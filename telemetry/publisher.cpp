@@ -15,6 +15,7 @@
 #include "ros2_messagesPubSubTypes.h"
 #include "telemetry/dds_participant.hpp"
 #include "telemetry/diagnostics.hpp"
+#include "telemetry/event_names.hpp"
 #include "telemetry/summaries.hpp"
 #include "telemetry/topics.hpp"
 #include "telemetry/transforms.hpp"
@@ -66,7 +67,8 @@ PublisherCounters counters_of(const TelemetryBlock& block) noexcept {
           .event_drops = block.event_positions.dropped,
           .gaps = state.gaps,
           .restarts = state.restarts,
-          .rounds = state.rounds};
+          .hangs = state.hangs,
+          .rounds = state.rounds + state.watches};
 }
 
 class Publisher::Impl {
@@ -188,6 +190,7 @@ class Publisher::Impl {
       if (batches > 0 && batches % kBatchesPerBurst == 0)
         std::this_thread::sleep_for(kBetweenBursts);
       publish(std::span(popped_).first(count));
+      ++state_.rounds;  // a backlog may take longer than a publisher that hangs is given
     }
   }
 
@@ -254,6 +257,7 @@ class Publisher::Impl {
     timing_sample_.gaps(counters.gaps);
     timing_sample_.refused(counters.refused);
     timing_sample_.restarts(counters.restarts);
+    timing_sample_.hangs(counters.hangs);
     write_numbered(*timing_, timing_sample_, 2);
     bus_summary_.take(bus_sample_);
     write_numbered(*bus_, bus_sample_, 3);
@@ -272,6 +276,7 @@ class Publisher::Impl {
 
   void publish(TelemetryEvent event) {
     event.sequence = state_.events;
+    name_phase(event, description_);
     state_.kept[event.sequence % state_.kept.size()] = event;
     ++state_.events;
     send(event);
@@ -287,8 +292,8 @@ class Publisher::Impl {
     const std::uint64_t restarts = state_.restarts;
     if (restarts > state_.announced) {
       state_.announced = restarts;
-      tell("the publisher's process died and was started again: " + std::to_string(restarts) +
-           " times so far");
+      tell("the publisher died and was started again: " + std::to_string(restarts) +
+           " times so far, " + std::to_string(state_.hangs) + " hung");
     }
     const std::uint64_t dropped = block_.record_positions.dropped;
     if (dropped > dropped_told_ && Clock::now() >= next_told_) {

@@ -21,7 +21,8 @@ struct PublisherCounters {
   std::uint64_t event_drops = 0;   ///< events that found theirs full
   std::uint64_t gaps = 0;          ///< frames that DDS never got, ring drops among them
   std::uint64_t restarts = 0;      ///< of the publisher's process
-  std::uint64_t rounds = 0;        ///< looks at the ring: it lives
+  std::uint64_t hangs = 0;         ///< of those, of one that stood still and was killed
+  std::uint64_t rounds = 0;        ///< looks at the ring, or at the process that should: it lives
 };
 
 /// Whoever publishes from it. Any thread.

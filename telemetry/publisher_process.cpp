@@ -17,6 +17,7 @@
 #include <cstring>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <stdexcept>
 #include <thread>
 
@@ -42,6 +43,11 @@ constexpr auto kStopTime = 5s;
 constexpr auto kLook = 20ms;
 constexpr auto kFirstPause = 100ms;
 constexpr auto kLongestPause = 5s;
+// A publisher whose pulse stands for so many looks hangs. Counted in looks and not by the clock, so
+// that a machine that has no time for either of them, or sleeps, accuses nobody; 2 s, so that the
+// ring, with room for 4 s, loses nothing before the next one has come up.
+constexpr int kLooksWithoutPulse = 100;
+constexpr int kLooksToComeUp = 500;
 constexpr auto kStable = 10s;  ///< having lived so long, the next death counts as the first
 
 [[noreturn]] void give_up(const std::string& what) {
@@ -118,6 +124,7 @@ class PublisherProcess::Impl {
   void begin() {
     start();
     wait_until_ready();
+    looks_left_ = kLooksWithoutPulse;
     watch_ = std::jthread([this](const std::stop_token& stop) { watch(stop); });
   }
 
@@ -130,11 +137,13 @@ class PublisherProcess::Impl {
     }
     hold_.reset();
     const auto until = Clock::now() + kStopTime;
-    while (!ended() && Clock::now() < until) std::this_thread::sleep_for(1ms);
-    if (pid_ <= 0) return;
-    kill(pid_, SIGKILL);
-    waitpid(pid_, nullptr, 0);
-    pid_ = -1;
+    for (auto next_look = Clock::now(); !ended(); std::this_thread::sleep_for(1ms)) {
+      if (Clock::now() > until) kill(pid_, SIGKILL);
+      if (Clock::now() < next_look) continue;
+      next_look += kLook;
+      kill_if_it_hangs();
+    }
+    count_the_rest();
   }
 
   [[nodiscard]] int process_id() const noexcept { return pid_; }
@@ -157,6 +166,7 @@ class PublisherProcess::Impl {
       give_up("cannot start " + command_.front());
     }
     started_ = Clock::now();
+    looks_left_ = kLooksToComeUp;
     pid_ = pid;
   }
 
@@ -186,10 +196,11 @@ class PublisherProcess::Impl {
     std::optional<Clock::time_point> start_at;
     while (!stop.stop_requested()) {
       // Whoever watches the run must not take a DDS that is down for a run that is stuck.
-      ++block_.publisher.rounds;
+      ++block_.publisher.watches;
       const auto now = Clock::now();
       if (!ended()) {
         start_at.reset();
+        kill_if_it_hangs();
       } else if (!start_at) {
         if (now - started_ > kStable) before_next = kFirstPause;
         start_at = now + before_next;
@@ -199,6 +210,27 @@ class PublisherProcess::Impl {
         start_again();
       }
       wake.wait_for(lock, stop, kLook, [] { return false; });
+    }
+  }
+
+  /// Its end is seen by the looks that follow.
+  void kill_if_it_hangs() {
+    const std::uint64_t rounds = block_.publisher.rounds;
+    if (rounds != rounds_seen_) looks_left_ = kLooksWithoutPulse;
+    rounds_seen_ = rounds;
+    if (--looks_left_ != 0) return;
+    ++block_.publisher.hangs;
+    kill(pid_, SIGKILL);
+  }
+
+  /// What a publisher that is no more has left in the ring: nobody will publish it.
+  void count_the_rest() {
+    RingConsumer<TelemetryRecord> ring(block_.records, block_.record_positions);
+    PublisherState& state = block_.publisher;
+    for (TelemetryRecord record; ring.pop(std::span(&record, 1)) == 1;) {
+      const std::uint64_t next = record.frame.sequence + 1;
+      state.gaps += next - std::min<std::uint64_t>(next, state.next_tick);
+      state.next_tick = next;
     }
   }
 
@@ -215,6 +247,8 @@ class PublisherProcess::Impl {
   std::vector<std::string> command_;
   File memory_, setup_, lifeline_, hold_;
   Clock::time_point started_;
+  std::uint64_t rounds_seen_ = 0;
+  int looks_left_ = 0;  ///< until it hangs
   std::atomic<pid_t> pid_{-1};
   std::jthread watch_;
 };

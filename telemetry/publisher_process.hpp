@@ -13,7 +13,8 @@
 namespace clamber {
 
 /// Starts the process, and again when it dies (after 0.1 s, then twice as long each time, up to 5
-/// s), from a thread of its own. Deaths are counted in the block and told as an event.
+/// s), from a thread of its own. One that has not looked at the rings for 2 s hangs and is killed.
+/// Deaths are counted in the block and told as an event.
 class PublisherProcess {
  public:
   /// Returns when the process has joined DDS.

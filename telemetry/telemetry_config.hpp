@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace clamber {
@@ -56,6 +57,10 @@ struct TelemetryDescription {
   static constexpr std::size_t kMaxModes = 16;
   static constexpr std::size_t kMaxFaults = 32;
 
+  /// "" for a phase that is not described.
+  [[nodiscard]] std::string_view phase_name(std::uint32_t phase) const noexcept {
+    return phase < phases.size() ? std::string_view(phases[phase].name) : std::string_view();
+  }
   /// 0 for a phase that is not described.
   [[nodiscard]] std::uint32_t contacts_of(std::uint32_t phase) const noexcept {
     return phase < phases.size() ? phases[phase].contacts : 0;

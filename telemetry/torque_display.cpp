@@ -51,7 +51,9 @@ std::string loop_text(const LoopFigures& loop) {
   text += format("; bus %s, %llu replies missing; gaps %llu, refused %llu, event drops %llu",
                  loop.bus_down ? "down" : "up", number(loop.missing_replies), number(loop.gaps),
                  number(loop.refused), number(loop.event_drops));
-  if (loop.restarts > 0) text += format(", publisher restarted %llu times", number(loop.restarts));
+  if (loop.restarts > 0)
+    text += format(", publisher restarted %llu times (%llu hung)", number(loop.restarts),
+                   number(loop.hangs));
   return text;
 }
 

@@ -19,7 +19,8 @@ struct LoopFigures {
   double wakeup_p99 = 0.0, wakeup_max = 0.0;
   double tick_p99 = 0.0, tick_max = 0.0;
   // Since the start.
-  std::uint64_t overruns = 0, skipped = 0, gaps = 0, refused = 0, restarts = 0, event_drops = 0;
+  std::uint64_t overruns = 0, skipped = 0, gaps = 0, refused = 0, event_drops = 0;
+  std::uint64_t restarts = 0, hangs = 0;  ///< of the publisher; hangs are among its restarts
   std::uint64_t missing_replies = 0;
   bool bus_down = false;
 };

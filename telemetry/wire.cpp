@@ -1,6 +1,7 @@
 #include "telemetry/wire.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 namespace clamber {
 namespace {
@@ -10,7 +11,8 @@ void copy(const std::array<From, N>& from, std::array<To, N>& to) noexcept {
   std::transform(from.begin(), from.end(), to.begin(), [](From x) { return static_cast<To>(x); });
 }
 
-constexpr double kCarries = 1.0;  // N
+constexpr double kCarries = 1.0;                 // N
+constexpr std::int64_t kSecond = 1'000'000'000;  // ns
 
 float microseconds(std::int64_t ns) noexcept {
   return static_cast<float>(1e-3 * static_cast<double>(ns));
@@ -145,7 +147,6 @@ TelemetryDescription from_wire(const msg::dds_::Description_& wire) {
 }
 
 builtin_interfaces::msg::dds_::Time_ to_stamp(std::int64_t nanoseconds) {
-  constexpr std::int64_t kSecond = 1'000'000'000;
   builtin_interfaces::msg::dds_::Time_ stamp;
   stamp.sec(static_cast<std::int32_t>(nanoseconds / kSecond));
   stamp.nanosec(static_cast<std::uint32_t>(nanoseconds % kSecond));
@@ -179,6 +180,12 @@ TelemetryEvent from_wire(const msg::dds_::Event_& wire) {
   event.phase = wire.phase();
   event.append(wire.text().to_string());
   return event;
+}
+
+std::int64_t run_start(const msg::dds_::Event_& wire) noexcept {
+  // Rounded as the publisher rounds, so that all events of a run agree to the nanosecond.
+  return wire.stamp_sec() * kSecond + static_cast<std::int64_t>(wire.stamp_nanosec()) -
+         std::llround(wire.time() * 1e9);
 }
 
 void to_contacts(const TelemetryFrame& frame, std::uint32_t planned_contacts,

@@ -37,6 +37,8 @@ void to_wire(const TelemetryRecord& record, std::uint32_t planned_contacts,
 /// @param nanoseconds stamp, since 1970
 [[nodiscard]] msg::dds_::Event_ to_wire(const TelemetryEvent& event, std::int64_t nanoseconds);
 [[nodiscard]] TelemetryEvent from_wire(const msg::dds_::Event_& wire);
+/// When the event's run had its first tick, ns since 1970.
+[[nodiscard]] std::int64_t run_start(const msg::dds_::Event_& wire) noexcept;
 
 /// Simulation truth of a frame, apart. The caller numbers it.
 void to_contacts(const TelemetryFrame& frame, std::uint32_t planned_contacts,

@@ -46,7 +46,8 @@ std::string web_page_with_run(const PageRun& run) {
   std::string out(page.substr(0, place));
   out += "<script id=\"run\" type=\"application/json\">{\"name\":" +
          inside_script(json_text(run.name)) + ",\"scene\":" + inside_script(run.scene) +
-         ",\"layout\":" + rows.layout() + ",\"rows\":\"" + base64_of(numbers) + "\"}</script>\n";
+         ",\"story\":" + inside_script(run.story) + ",\"layout\":" + rows.layout() +
+         ",\"rows\":\"" + base64_of(numbers) + "\"}</script>\n";
   return out += page.substr(place);
 }
 

@@ -17,6 +17,7 @@ namespace clamber {
 struct PageRun {
   std::string name;   ///< shown beside the title
   std::string scene;  ///< JSON of scene_json()
+  std::string story;  ///< JSON of story_json()
   std::size_t joints = 0;
   std::size_t contacts = 0;
   std::function<bool(TelemetryFrame&)> next;  ///< false after the last frame

@@ -57,6 +57,8 @@ class Watcher {
                                                                 "\",\"layout\":" + live_.layout +
                                                                 ",\"scene\":" + live_.scene + "}"));
     }
+    const std::string story = live_.story->news(told_);
+    if (!story.empty() && !write(sink, event("story", story))) return false;
     const std::vector<float> rows = live_.feed->read(position_, kRowsPerEvent, kSilence);
     if (live_.feed->stopped()) return false;
     if (!rows.empty())
@@ -74,6 +76,7 @@ class Watcher {
   const std::string& session_;
   std::atomic<int>& watching_;
   std::uint64_t position_ = 0;
+  std::uint64_t told_ = 0;  ///< version of the story
   bool introduced_ = false;
 };
 

@@ -9,15 +9,17 @@
 #include <string>
 
 #include "web/live_feed.hpp"
+#include "web/story.hpp"
 
 namespace clamber {
 
 /// What the page gets at /live: server-sent events "scene" (once a connection), "rows" (base64 of
-/// 32-bit floats, little-endian) and "note".
+/// 32-bit floats, little-endian), "story" (whenever it changes) and "note".
 struct LiveSource {
   std::string scene;   ///< JSON of scene_json()
   std::string layout;  ///< JSON of ViewRows::layout()
   LiveFeed* feed = nullptr;
+  const LiveStory* story = nullptr;   ///< set where the feed is
   std::function<std::string()> note;  ///< what is wrong with the data, or ""
 };
 

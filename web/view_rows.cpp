@@ -8,20 +8,21 @@
 namespace clamber {
 namespace {
 
-constexpr double kPeriod = 0.02;  // s
-constexpr std::size_t kBase = 7;  // position, orientation w x y z
+constexpr double kPeriod = 0.02;   // s
+constexpr std::size_t kState = 6;  // time, plan time, phase, mode, fault, its joint
+constexpr std::size_t kBase = 7;   // position, orientation w x y z
 
 }  // namespace
 
 ViewRows::ViewRows(std::size_t joints, std::size_t contacts)
-    : joints_(joints), contacts_(contacts), row_(3 + kBase + 3 * joints + 2 * contacts) {}
+    : joints_(joints), contacts_(contacts), row_(kState + kBase + 3 * joints + 2 * contacts) {}
 
 std::string ViewRows::layout() const {
   const std::string joints = std::to_string(joints_);
   const std::string contacts = std::to_string(contacts_);
-  return R"([["time",1],["plan_time",1],["phase",1],["base",7],["q",)" + joints +
-         R"(],["tau_low",)" + joints + R"(],["tau_high",)" + joints + R"(],["force_obstacle",)" +
-         contacts + R"(],["force_floor",)" + contacts + "]]";
+  return R"([["time",1],["plan_time",1],["phase",1],["mode",1],["fault",1],["fault_joint",1],["base",7],["q",)" +
+         joints + R"(],["tau_low",)" + joints + R"(],["tau_high",)" + joints +
+         R"(],["force_obstacle",)" + contacts + R"(],["force_floor",)" + contacts + "]]";
 }
 
 std::span<const float> ViewRows::add(const TelemetryFrame& frame) {
@@ -45,6 +46,9 @@ void ViewRows::fill(const TelemetryFrame& frame, bool first) {
   put(frame.time);
   put(frame.plan_time);
   put(frame.phase);
+  put(frame.mode);
+  put(frame.fault);
+  put(frame.fault_joint);
   const bool truth = (frame.flags & kFrameHasTruth) != 0;
   const std::array<double, 3> somewhere{0.0, 0.0, 0.5};
   const std::array<double, 4> upright{1.0, 0.0, 0.0, 0.0};

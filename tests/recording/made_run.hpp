@@ -49,8 +49,27 @@ inline RunDescription made_run() {
   }
   for (int c = 0; c < kContacts; ++c)
     run.telemetry.contact_names.push_back("Contact" + std::to_string(c));
+  run.telemetry.plan = "5ec0de";
+  run.telemetry.modes = {"idle", "executing"};
+  run.telemetry.faults = {"none", "tracking error"};
+  run.telemetry.phases = {{"reach", 3}, {"swing Lknee", 1}};
   run.scene = "{\"made\":true}";
   return run;
+}
+
+inline constexpr const char* kUrdf = "<robot name=\"made\"/>";
+
+inline TelemetryEvent made_event(std::uint64_t number) {
+  TelemetryEvent event;
+  event.sequence = number;
+  event.tick = 500 * number;
+  event.time = 0.5 * static_cast<double>(number);
+  event.kind = EventKind::kFault;
+  event.severity = Severity::kError;
+  event.joint = static_cast<std::int32_t>(number);
+  event.phase = 1;
+  event.append("tracking error " + std::to_string(number));
+  return event;
 }
 
 inline bool same(const TelemetryFrame& a, const TelemetryFrame& b) {

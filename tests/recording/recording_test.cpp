@@ -5,11 +5,11 @@
 #include <sys/resource.h>
 #include <sys/wait.h>
 
-#include <charconv>
 #include <csignal>
 #include <cstdio>
 #include <fstream>
 #include <sstream>
+#include <tuple>
 
 #include "recording/messages.hpp"
 #include "recording/run_reader.hpp"
@@ -20,17 +20,26 @@
 namespace clamber {
 namespace {
 
+using test::kUrdf;
+using test::made_event;
 using test::made_frame;
 using test::made_run;
 using test::same;
 using test::TemporaryFile;
 using testing::HasSubstr;
 
-constexpr std::uint64_t kFrames = 3500;
+constexpr std::uint64_t kFrames = 1500;
+constexpr std::uint64_t kEvents = 3;
 
-void record(const std::filesystem::path& file, std::uint64_t frames) {
-  RunRecorder recorder(file, made_run(), nullptr, 0);
-  for (std::uint64_t i = 0; i < frames; ++i) recorder.add(made_frame(i));
+/// Frames with an event every half a second and, late, the robot's description.
+void record(const std::filesystem::path& file, std::uint64_t frames,
+            const RobotModel* robot = nullptr) {
+  RunRecorder recorder(file, made_run(), robot, 0);
+  for (std::uint64_t i = 0; i < frames; ++i) {
+    if (i % 500 == 0) recorder.add(made_event(i / 500));
+    if (i == 20) recorder.add_urdf(kUrdf);
+    recorder.add(made_frame(i));
+  }
   recorder.close();
 }
 
@@ -81,6 +90,61 @@ TEST(Recording, ReadsBackTheSame) {
   EXPECT_EQ(run.telemetry.torque_limits, made_run().telemetry.torque_limits);
   EXPECT_EQ(run.telemetry.contact_names, made_run().telemetry.contact_names);
   EXPECT_EQ(run.scene, made_run().scene);
+  EXPECT_EQ(run.telemetry.plan, "5ec0de");
+  EXPECT_EQ(run.telemetry.modes, made_run().telemetry.modes);
+  EXPECT_EQ(run.telemetry.faults, made_run().telemetry.faults);
+  ASSERT_EQ(run.telemetry.phases.size(), 2U);
+  EXPECT_EQ(run.telemetry.phases[1].name, "swing Lknee");
+  EXPECT_EQ(run.telemetry.phases[0].contacts, 3U);
+}
+
+void expect_same(const TelemetryEvent& a, const TelemetryEvent& b) {
+  EXPECT_EQ(std::tie(a.sequence, a.tick, a.time, a.kind, a.severity, a.joint, a.phase),
+            std::tie(b.sequence, b.tick, b.time, b.kind, b.severity, b.joint, b.phase));
+  EXPECT_EQ(a.view(), b.view());
+}
+
+TEST(Recording, ReadsBackWhatHappened) {
+  const TemporaryFile file("story.mcap");
+  record(file.path(), kFrames);
+  RunReader reader(file.path());
+  RunNotes notes;
+  std::vector<std::uint64_t> seen_at;
+  for (TelemetryFrame frame; reader.next(frame);) {
+    const RunNotes more = reader.take_notes();
+    if (!more.urdf.empty()) notes.urdf = more.urdf;
+    for (const TelemetryEvent& event : more.events) {
+      notes.events.push_back(event);
+      seen_at.push_back(frame.sequence);
+    }
+  }
+  EXPECT_EQ(notes.urdf, kUrdf);
+  EXPECT_THAT(seen_at, testing::ElementsAre(0, 500, 1000));
+  ASSERT_EQ(notes.events.size(), kEvents);
+  for (std::uint64_t i = 0; i < kEvents; ++i) expect_same(notes.events[i], made_event(i));
+}
+
+// A recorder that comes late shows the past where it begins, and keeps when it was.
+TEST(Recording, BeginsWithWhatCameBeforeIt) {
+  const TemporaryFile file("late.mcap");
+  constexpr std::uint64_t kStart = 1'700'000'000'000'000'000;
+  constexpr std::uint64_t kFirst = 20'000;
+  {
+    RunRecorder recorder(file.path(), made_run(), nullptr, kStart, 20.0);
+    for (std::uint64_t i = 0; i < kEvents; ++i) recorder.add(made_event(i));
+    recorder.add(made_frame(kFirst));
+    recorder.close();
+  }
+  McapReader reader(file.path());
+  std::uint64_t events = 0;
+  for (McapMessage message; reader.next(message);) {
+    EXPECT_EQ(message.time, kStart + 20'000'000'000) << message.topic;
+    TelemetryEvent event;
+    if (message.schema != event_schema().name) continue;
+    ASSERT_TRUE(decode_event(message.data, event));
+    EXPECT_EQ(event.time, made_event(events++).time);
+  }
+  EXPECT_EQ(events, kEvents);
 }
 
 TEST(Recording, GivesTheSameBytesForTheSameRun) {
@@ -105,8 +169,8 @@ TEST(Recording, OpensUpToTheLastCompleteChunkWhereverItWasCut) {
     }
     recorder.close();
   }
-  for (std::uint64_t size = std::filesystem::file_size(file.path()); size > 509;) {
-    size -= 509;
+  for (std::uint64_t size = std::filesystem::file_size(file.path()); size > 1009;) {
+    size -= 1009;
     std::filesystem::resize_file(file.path(), size);
     std::uint64_t least = 0;
     for (const auto& [bytes, frames] : chunks)
@@ -195,37 +259,45 @@ TEST(Tick, RefusesBytesThatAreTooFewAndArraysThatAreTooLong) {
   EXPECT_FALSE(decode_tick(longer, frame));
 }
 
-// The whole file, its index, checksums, schemas and every message, read by other people's code.
+// The whole file: index, checksums, schemas beside ROS 2's own, every message, and every tick
+// beside the CSV of the same run. All of it read by other people's code.
 TEST(Recording, IsWhatOthersRead) {
 #ifndef MCAP_JUDGE
   GTEST_SKIP() << "skipped: built without npm's @mcap/core (CLAMBER_WEB)";
 #else
   const TemporaryFile file("judged.mcap");
+  const TemporaryFile table("judged.csv");
   const RobotModel robot =
       load_robot(std::string(CLAMBER_SOURCE_DIR) + "/configs/robots/coman/robot.yaml");
-  {
-    RunRecorder recorder(file.path(), made_run(), &robot, 0);
-    for (std::uint64_t i = 0; i < kFrames; ++i) recorder.add(made_frame(i));
-    recorder.close();
-  }
-  const std::string command = std::string(MCAP_JUDGE) + " '" + file.path().string() + "' 2>&1";
+  record(file.path(), kFrames, &robot);
+  const auto csv = open_csv(table.path(), made_run());
+  for (std::uint64_t i = 0; i < kFrames; ++i) csv->add(made_frame(i));
+  csv->close();
+  const std::string command = std::string(MCAP_JUDGE) + " '" + file.path().string() + "' '" +
+                              table.path().string() + "' 2>&1";
   std::FILE* pipe = popen(command.c_str(), "r");
   ASSERT_NE(pipe, nullptr);
   std::string answer;
   for (char part[256]; std::fgets(part, sizeof part, pipe) != nullptr;) answer += part;
   EXPECT_EQ(pclose(pipe), 0) << answer;
-  EXPECT_THAT(answer, HasSubstr("/made/telemetry/ticks clamber/msg/Tick 3500"));
-  EXPECT_THAT(answer, HasSubstr("/made/telemetry/description clamber/msg/Description 1"));
-  EXPECT_THAT(answer, HasSubstr("/joint_states sensor_msgs/msg/JointState 350"));
-  EXPECT_THAT(answer, HasSubstr("/tf tf2_msgs/msg/TFMessage 175"));
-  // Of the last messages: tick, torque of the last joint, joint state, transform.
-  const TelemetryFrame last = made_frame(kFrames - 1);
-  char torque[32] = {};  // the shortest that reads back, as JavaScript prints it
-  std::to_chars(torque, torque + sizeof torque, last.tau_meas[test::kJoints - 1]);
-  EXPECT_THAT(answer, HasSubstr("last tick 3499 " + std::string(torque)));
-  EXPECT_THAT(answer, HasSubstr("last joint state 3.49 Joint22"));
+  EXPECT_THAT(answer, HasSubstr("/made/telemetry/ticks clamber/msg/Tick 1500\n"));
+  EXPECT_THAT(answer, HasSubstr("/made/telemetry/description clamber/msg/Description 1\n"));
+  EXPECT_THAT(answer, HasSubstr("/made/telemetry/events clamber/msg/Event 3\n"));
+  EXPECT_THAT(answer, HasSubstr("/robot_description std_msgs/msg/String 1, as in ROS 2\n"));
+  EXPECT_THAT(answer, HasSubstr("/joint_states sensor_msgs/msg/JointState 150, as in ROS 2\n"));
+  EXPECT_THAT(answer, HasSubstr("/tf tf2_msgs/msg/TFMessage 75, as in ROS 2\n"));
+  // Time, phase, torques ... of each joint, bases, forces.
+  EXPECT_THAT(answer,
+              HasSubstr("ticks as in the table: 1500 of " +
+                        std::to_string(9 + 9 * test::kJoints + 7 + 2 * test::kContacts + 2) +
+                        " numbers\n"));
+  EXPECT_THAT(answer, HasSubstr("last joint state 1.49 Joint22"));
   EXPECT_THAT(answer, HasSubstr("last transforms " + std::to_string(robot.bodies.size()) +
                                 " world " + robot.bodies.front().name));
+  EXPECT_THAT(answer, HasSubstr("last event 2 1.0 kind 1 FAULT severity 2 ERROR joint 2: "
+                                "tracking error 2"));
+  EXPECT_THAT(answer, HasSubstr("phases reach,swing Lknee modes idle,executing faults none,"));
+  EXPECT_THAT(answer, HasSubstr("urdf " + std::string(kUrdf)));
 #endif
 }
 

@@ -1,19 +1,15 @@
 // Whatever happens on the network and to the publisher, the tick sends the same commands: its log
 // is byte for byte that of a run without telemetry, and counters tell what was lost.
-#include <arpa/inet.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <linux/if_ether.h>
-#include <linux/if_packet.h>
-#include <net/if.h>
 #include <sys/mount.h>
-#include <sys/socket.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <functional>
 #include <iostream>
+#include <map>
 #include <random>
 #include <thread>
 
@@ -22,6 +18,7 @@
 #include "telemetry/publisher.hpp"
 #include "telemetry/publisher_process.hpp"
 #include "tests/apps/plant_bus.hpp"
+#include "tests/telemetry/malformed.hpp"
 #include "tests/telemetry/processes.hpp"
 
 namespace clamber {
@@ -29,11 +26,17 @@ namespace {
 
 using namespace std::chrono_literals;
 using test::Child;
+using test::Datagram;
+using test::Listener;
+using test::mutated;
 using test::next_domain;
+using test::send_to_all;
 using testing::HasSubstr;
 
 constexpr std::uint32_t kJoints = 3;
-constexpr std::size_t kKeyframes = 14;  // 1.3 s, and half a second before and after
+constexpr std::size_t kKeyframes = 9;  // 0.8 s, and half a second before and after
+// As long as it takes to find out that a publisher hangs, and to start one twice.
+constexpr std::size_t kManyKeyframes = 40;
 constexpr const char* kPublisherRole = "telemetry-publisher";
 constexpr const char* kFullRole = "run-with-full-shm";
 
@@ -58,14 +61,15 @@ std::filesystem::path temporary(const std::string& name) {
          ("clamber_hostile_" + std::to_string(getpid()) + "_" + name);
 }
 
-/// Runs the plan; @return the log's bytes.
-std::string run_plan(bool realtime, TelemetryPort* port, ExecutorReport& report) {
+/// Runs a plan of so many keyframes; @return the log's bytes.
+std::string run_plan(std::size_t keyframes, bool realtime, TelemetryPort* port,
+                     ExecutorReport& report) {
   static int runs = 0;
   const std::filesystem::path file = temporary(std::to_string(++runs) + ".log");
   const ControllerConfig control = test::make_config(kJoints);
   const std::vector<std::byte> image =
-      test::make_image(kJoints, test::smooth_keyframes(kJoints, kKeyframes));
-  std::vector<double> workspace(Controller::workspace_size(kKeyframes));
+      test::make_image(kJoints, test::smooth_keyframes(kJoints, keyframes));
+  std::vector<double> workspace(Controller::workspace_size(keyframes));
   Controller controller;
   EXPECT_EQ(controller.load(control, test::kRobotHash, image, workspace).status, LoadStatus::kOk);
   test::PlantBus bus(kJoints);
@@ -82,39 +86,45 @@ std::string run_plan(bool realtime, TelemetryPort* port, ExecutorReport& report)
   return bytes.str();
 }
 
-const std::string& undisturbed() {
-  static const std::string bytes = [] {
-    ExecutorReport report;
-    return run_plan(false, nullptr, report);
-  }();
-  return bytes;
+const std::string& undisturbed(std::size_t keyframes) {
+  static std::map<std::size_t, std::string> logs;
+  std::string& log = logs[keyframes];
+  ExecutorReport report;
+  if (log.empty()) log = run_plan(keyframes, false, nullptr, report);
+  return log;
 }
 
 struct Outcome {
+  std::size_t keyframes = kKeyframes;
   std::string log;
   ExecutorReport report;
   PublisherCounters counters;
+  std::vector<std::string> events;  ///< the last ones
 };
 
 /// A paced run with the publisher in a process of its own; `disturb` goes on beside it.
 using Disturbance = std::function<void(const PublisherProcess&, const std::stop_token& over)>;
-Outcome run_disturbed(int domain, const Disturbance& disturb) {
+Outcome run_disturbed(int domain, const Disturbance& disturb, std::size_t keyframes = kKeyframes) {
   TelemetryMemory memory(TelemetryMemory::Kind::kShared);
   TelemetryPort port(memory.block());
   PublisherProcess publisher(config(domain), description(), memory, {self(), kPublisherRole});
   std::jthread beside([&](const std::stop_token& over) { disturb(publisher, over); });
   Outcome outcome;
-  outcome.log = run_plan(true, &port, outcome.report);
+  outcome.keyframes = keyframes;
+  outcome.log = run_plan(keyframes, true, &port, outcome.report);
   beside.request_stop();
   beside.join();
   publisher.stop();
   outcome.counters = counters_of(memory.block());
+  const PublisherState& state = memory.block().publisher;
+  for (std::size_t i = 0; i < std::min<std::size_t>(state.events, state.kept.size()); ++i)
+    outcome.events.emplace_back(state.kept[i].view());
   return outcome;
 }
 
 void expect_same_commands(const Outcome& outcome) {
   EXPECT_EQ(outcome.report.status, TickStatus::kFinished);
-  EXPECT_TRUE(outcome.log == undisturbed()) << "the tick did something else";
+  EXPECT_TRUE(outcome.log == undisturbed(outcome.keyframes)) << "the tick did something else";
   // Every tick was published or is counted as lost.
   EXPECT_EQ(outcome.counters.frames + outcome.counters.gaps, outcome.report.ticks);
 }
@@ -154,25 +164,28 @@ TEST(Hostile, SubscribersThatStallDawdleCrashAndComeLate) {
   EXPECT_EQ(outcome.counters.restarts, 0U);
 }
 
-TEST(Hostile, PublisherProcessIsKilledTwice) {
-  const int domain = next_domain();
-  const Outcome outcome =
-      run_disturbed(domain, [&](const PublisherProcess& publisher, const std::stop_token& over) {
-        for (int killed = 0; killed < 2 && !over.stop_requested(); ++killed) {
+TEST(Hostile, PublisherProcessHangsAndIsKilled) {
+  const Outcome outcome = run_disturbed(
+      next_domain(),
+      [&](const PublisherProcess& publisher, const std::stop_token& over) {
+        for (const int signal : {SIGSTOP, SIGKILL}) {
           std::this_thread::sleep_for(200ms);
           const int process = publisher.process_id();
           ASSERT_GT(process, 0);
-          kill(process, SIGKILL);
+          kill(process, signal);
           while (!over.stop_requested() &&
                  (publisher.process_id() < 0 || publisher.process_id() == process))
             std::this_thread::sleep_for(1ms);
-          std::this_thread::sleep_for(200ms);
         }
-      });
+      },
+      kManyKeyframes);
   expect_same_commands(outcome);
   EXPECT_GE(outcome.counters.restarts, 2U);
+  EXPECT_EQ(outcome.counters.hangs, 1U);
   EXPECT_EQ(outcome.counters.ring_drops, 0U) << "four seconds of frames have room";
   EXPECT_LE(outcome.counters.gaps, 20U) << "more than what it had in its hands";
+  EXPECT_THAT(outcome.events,
+              testing::Contains(HasSubstr("started again: 1 times so far, 1 hung")));
 }
 
 // The events: mode, phases, and that it was started again, also for who comes only now.
@@ -182,7 +195,7 @@ TEST(Hostile, WhoComesLateLearnsThatThePublisherWasRestarted) {
   TelemetryPort port(memory.block());
   PublisherProcess publisher(config(domain), description(), memory, {self(), kPublisherRole});
   ExecutorReport report;
-  static_cast<void>(run_plan(false, &port, report));
+  static_cast<void>(run_plan(kKeyframes, false, &port, report));
   std::this_thread::sleep_for(200ms);
   kill(publisher.process_id(), SIGKILL);
   while (memory.block().publisher.starts < 2) std::this_thread::sleep_for(1ms);
@@ -200,99 +213,9 @@ TEST(Hostile, WhoComesLateLearnsThatThePublisherWasRestarted) {
   EXPECT_THAT(monitor.output(), HasSubstr("mode: moving to start -> executing"));
   EXPECT_THAT(monitor.output(), HasSubstr("phase: phase 2"));
   EXPECT_THAT(monitor.output(),
-              HasSubstr("telemetry: the publisher's process died and was started"));
+              HasSubstr("telemetry: the publisher died and was started again: 1 times"));
   EXPECT_THAT(monitor.output(), HasSubstr("check passed: max(fault) == 0"));
   EXPECT_THAT(monitor.output(), HasSubstr("check FAILED: max(|tau|) < 0.001: 0.5 at b in "));
-}
-
-// ---- malformed datagrams
-
-using Datagram = std::vector<std::uint8_t>;
-
-/// RTPS standard, 9.6.2.3.
-int port_of(int domain, int offset) { return 7400 + 250 * domain + offset; }
-
-/// Looks at everything on the loopback; where that is not allowed, at what is sent to a participant
-/// that does not exist: announcements only.
-class Listener {
- public:
-  explicit Listener(int domain) : domain_(domain) {
-    socket_ = socket(AF_PACKET, SOCK_DGRAM | SOCK_NONBLOCK, htons(ETH_P_IP));
-    raw_ = socket_ >= 0;
-    if (raw_) return;
-    socket_ = socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK, 0);
-    sockaddr_in address{};
-    address.sin_family = AF_INET;
-    address.sin_port = htons(static_cast<std::uint16_t>(port_of(domain, 10 + 2 * 9)));
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    EXPECT_EQ(bind(socket_, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
-  }
-  ~Listener() { close(socket_); }
-  Listener(const Listener&) = delete;
-  Listener& operator=(const Listener&) = delete;
-
-  std::vector<Datagram> hear(std::chrono::milliseconds time, std::size_t at_most) {
-    std::vector<Datagram> heard;
-    const auto until = std::chrono::steady_clock::now() + time;
-    while (std::chrono::steady_clock::now() < until && heard.size() < at_most) {
-      Datagram packet(65536);
-      const ssize_t size = recv(socket_, packet.data(), packet.size(), 0);
-      if (size <= 0) {
-        std::this_thread::sleep_for(1ms);
-        continue;
-      }
-      packet.resize(static_cast<std::size_t>(size));
-      if (raw_ && !strip_headers(packet)) continue;
-      if (packet.size() > 20 && std::equal(packet.begin(), packet.begin() + 4, "RTPS"))
-        heard.push_back(std::move(packet));
-    }
-    return heard;
-  }
-
- private:
-  /// @return it was UDP, to a port of the domain
-  bool strip_headers(Datagram& packet) const {
-    if (packet.size() < 28 || packet[9] != IPPROTO_UDP) return false;
-    const std::size_t ip = 4U * (packet[0] & 15U);
-    if (packet.size() < ip + 8) return false;
-    const int port = packet[ip + 2] * 256 + packet[ip + 3];
-    packet.erase(packet.begin(), packet.begin() + static_cast<std::ptrdiff_t>(ip + 8));
-    return port >= port_of(domain_, 0) && port < port_of(domain_ + 1, 0);
-  }
-
-  int domain_;
-  int socket_ = -1;
-  bool raw_ = false;
-};
-
-/// Changes, cuts or lengthens a real datagram, most often behind the header that gets it looked at.
-Datagram mutated(Datagram datagram, std::mt19937& random) {
-  const auto pick = [&random](std::size_t below) {
-    return std::uniform_int_distribution<std::size_t>(0, below - 1)(random);
-  };
-  const std::size_t changes = 1 + pick(8);
-  const std::size_t first = pick(8) == 0 ? 0 : 20;
-  for (std::size_t i = 0; i < changes; ++i)
-    datagram[first + pick(datagram.size() - first)] = static_cast<std::uint8_t>(pick(256));
-  if (pick(4) == 0) datagram.resize(4 + pick(datagram.size() - 4));
-  if (pick(8) == 0)
-    datagram.insert(datagram.end(), pick(2000), static_cast<std::uint8_t>(pick(256)));
-  return datagram;
-}
-
-/// To all of the first participants' ports, multicast's among them.
-void send_to_all(const std::vector<Datagram>& datagrams, int domain) {
-  const int out = socket(AF_INET, SOCK_DGRAM, 0);
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  for (const Datagram& datagram : datagrams)
-    for (const int offset : {0, 1, 10, 11, 12, 13, 14, 15}) {
-      address.sin_port = htons(static_cast<std::uint16_t>(port_of(domain, offset)));
-      static_cast<void>(sendto(out, datagram.data(), datagram.size(), 0,
-                               reinterpret_cast<sockaddr*>(&address), sizeof address));
-    }
-  close(out);
 }
 
 TEST(Hostile, AThousandMalformedDatagrams) {
@@ -337,7 +260,7 @@ int run_with_full_shm() {
   };
   if (entries() != 1) return 3;
   const Outcome outcome = run_disturbed(next_domain(), [](const auto&, const auto&) {});
-  if (outcome.log != undisturbed()) return 4;
+  if (outcome.log != undisturbed(kKeyframes)) return 4;
   if (outcome.counters.frames != outcome.report.ticks) return 5;
   return entries() == 1 ? 0 : 6;
 }
@@ -376,6 +299,23 @@ TEST(PublisherProcess, LeavesNothingBehindWhenItsParentIsGone) {
   }
   EXPECT_NE(kill(process, 0), 0) << "it still runs";
   EXPECT_EQ(in_shm(), before);
+}
+
+// Too late to be replaced: what it never published is counted.
+TEST(PublisherProcess, HangsAtTheEnd) {
+  TelemetryMemory memory(TelemetryMemory::Kind::kShared);
+  TelemetryPort port(memory.block());
+  PublisherProcess publisher(config(next_domain()), description(), memory,
+                             {self(), kPublisherRole});
+  kill(publisher.process_id(), SIGSTOP);
+  std::this_thread::sleep_for(20ms);
+  TelemetryFrame frame;
+  for (; frame.sequence < 100; ++frame.sequence) static_cast<void>(port.push(frame, {}));
+  publisher.stop();
+  const PublisherCounters counters = counters_of(memory.block());
+  EXPECT_EQ(counters.frames, 0U);
+  EXPECT_EQ(counters.gaps, 100U);
+  EXPECT_EQ(counters.hangs, 1U);
 }
 
 TEST(PublisherProcess, SaysWhyItCannotBeStarted) {

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "telemetry/event_history.hpp"
 #include "telemetry/torque_display.hpp"
 
 namespace clamber {
@@ -144,6 +145,27 @@ TEST(TorqueDisplay, OverloadDoesNotOverflowTheBar) {
   watch.describe(kTwoJoints);
   watch.add(frame(0, 1e6, -1e300));
   EXPECT_THAT(dashboard({watch}, 24), HasSubstr("[#############################|]"));
+}
+
+TEST(EventHistory, KnowsWhatIsSentAgainAndForgetsTheRunBefore) {
+  EventHistory history;
+  TelemetryEvent event;
+  const auto add = [&](std::uint64_t number, std::int64_t start) {
+    event.sequence = number;
+    return history.add(event, start);
+  };
+  EXPECT_TRUE(add(0, 100));
+  EXPECT_TRUE(add(1, 100));
+  EXPECT_FALSE(add(0, 100));
+  EXPECT_FALSE(add(1, 100));
+  EXPECT_TRUE(add(2, 100));
+  EXPECT_EQ(history.events().size(), 3U);
+  EXPECT_TRUE(add(0, 200));
+  EXPECT_EQ(history.events().size(), 1U);
+  EXPECT_EQ(history.start(), 200);
+  for (std::uint64_t i = 1; i < 2 * EventHistory::kKept; ++i) add(i, 200);
+  EXPECT_EQ(history.events().size(), EventHistory::kKept);
+  EXPECT_EQ(history.events().back().sequence, 2 * EventHistory::kKept - 1);
 }
 
 }  // namespace

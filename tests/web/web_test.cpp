@@ -7,6 +7,7 @@
 
 #include "web/live_feed.hpp"
 #include "web/page.hpp"
+#include "web/story.hpp"
 #include "web/view_rows.hpp"
 
 namespace clamber {
@@ -27,11 +28,13 @@ TelemetryFrame frame(std::uint64_t tick, double torque) {
   f.q = {0.25, 0.5};
   f.tau_meas = {torque, -torque};
   f.force_floor = {7.0};
+  f.fault = tick > 30 ? 3 : 0;
   return f;
 }
 
-// Places in a row of two joints and a contact: time, plan time, phase, base, then these.
-constexpr std::size_t kLow = 3 + 7 + 2;
+// Places in a row of two joints and a contact: times, phase, mode, fault, its joint, base, these.
+constexpr std::size_t kFault = 4;
+constexpr std::size_t kLow = 6 + 7 + 2;
 constexpr std::size_t kHigh = kLow + 2;
 constexpr std::size_t kFloor = kHigh + 2 + 1;
 
@@ -53,6 +56,8 @@ TEST(ViewRows, KeepTheExtremesOfTheirTwentyTicks) {
   EXPECT_FLOAT_EQ(made[1][kHigh], 40.0F);
   EXPECT_FLOAT_EQ(made[1][kHigh + 1], 50.0F);
   EXPECT_FLOAT_EQ(made[1][kFloor], 7.0F);
+  EXPECT_FLOAT_EQ(made[0][kFault], 0.0F);
+  EXPECT_FLOAT_EQ(made[1][kFault], 3.0F);
   EXPECT_FLOAT_EQ(rows.rest()[0], 0.059F);
 }
 
@@ -96,11 +101,40 @@ TEST(LiveFeed, WakesWhoWaits) {
   EXPECT_TRUE(feed.stopped());
 }
 
+TEST(Story, NamesPhasesAndTellsEvents) {
+  TelemetryDescription names;
+  names.phases = {{"reach", 1}, {"swing \"L\xff\"", 2}};
+  names.modes = {"idle"};
+  TelemetryEvent event;
+  event.time = 1.5;
+  event.kind = EventKind::kFault;
+  event.severity = Severity::kError;
+  event.append("tracking error");
+  EXPECT_EQ(
+      story_json(names, {event}),
+      "{\"phases\":[\"reach\",\"swing \\\"L\xEF\xBF\xBD\\\"\"],\"modes\":[\"idle\"],\"faults\":[],"
+      "\"events\":[{\"time\":1.5,\"kind\":1,\"severity\":2,\"joint\":-1,"
+      "\"text\":\"tracking error\"}]}");
+}
+
+TEST(LiveStory, IsToldOnceToEachWhenItChanges) {
+  LiveStory story;
+  std::uint64_t one = 0;
+  EXPECT_EQ(story.news(one), "");
+  story.tell("a");
+  story.tell("b");
+  EXPECT_EQ(story.news(one), "b");
+  EXPECT_EQ(story.news(one), "");
+  std::uint64_t two = 0;
+  EXPECT_EQ(story.news(two), "b");
+}
+
 TEST(WebPage, TakesARunWithoutLettingItOutOfItsPlace) {
   int left = 30;
   const std::string page =
       web_page_with_run({.name = "a \"name\" </script>",
-                         .scene = R"({"phases":[{"name":"</script><b>"}]})",
+                         .scene = R"({"robot":"</script><b>"})",
+                         .story = R"({"phases":["</script><i>"]})",
                          .joints = 2,
                          .contacts = 1,
                          .next = [&](TelemetryFrame& f) {
@@ -113,6 +147,7 @@ TEST(WebPage, TakesARunWithoutLettingItOutOfItsPlace) {
   }
   EXPECT_THAT(page, HasSubstr(R"("name":"a \"name\" \u003c/script>")"));
   EXPECT_THAT(page, HasSubstr(R"(\u003c/script>\u003cb>)"));
+  EXPECT_THAT(page, HasSubstr(R"("story":{"phases":["\u003c/script>\u003ci>)"));
   EXPECT_THAT(page, HasSubstr("</script>\n</body>"));
 }
 

@@ -3,7 +3,7 @@
 import { Run, floatsOfBase64 } from "./run.js";
 
 /**
- * @param on {run(Run), rows(Run), lost(), note(text)}
+ * @param on {run(Run), rows(Run), story(Run), lost(), note(text)}
  */
 export function listen(on) {
   let run;
@@ -15,6 +15,10 @@ export function listen(on) {
     events.addEventListener("rows", (event) => {
       run.append(floatsOfBase64(event.data));
       on.rows(run);
+    });
+    events.addEventListener("story", (event) => {
+      run.story = JSON.parse(event.data);
+      on.story(run);
     });
     events.addEventListener("note", (event) => on.note(event.data));
     events.onerror = () => {

@@ -100,6 +100,10 @@ class Page {
     byId("scrub").value = this.time;
     byId("time").value = `${run.time(row).toFixed(2)} s`;
     byId("phase").value = run.phaseName(row);
+    byId("mode").value = run.modeName(row);
+    byId("fault").value = run.faultText(row);
+    const event = run.eventAt(this.time);
+    byId("event").value = byId("event").title = event ? run.eventText(event) : "";
     byId("carried").value = `${run.sum(row, "force_obstacle").toFixed(0)} N`;
     byId("floor").value = `${run.sum(row, "force_floor").toFixed(0)} N`;
     const worst = run.worstJoint(row);
@@ -161,6 +165,10 @@ class Page {
         this.redrawPlots();
         if (this.following) this.show(run.end);
       }),
+      story: ifLive((run) => {
+        this.redrawPlots();
+        this.show(this.following ? run.end : this.time);
+      }),
       lost: ifLive(() => this.badge("connection lost, trying again", "lost")),
       note: ifLive((text) => this.note(text)),
     });
@@ -182,8 +190,8 @@ async function start() {
   const page = new Page();
   const embedded = byId("run");
   if (embedded) {
-    const { name, scene, layout, rows } = JSON.parse(embedded.textContent);
-    const run = new Run(scene, layout);
+    const { name, scene, story, layout, rows } = JSON.parse(embedded.textContent);
+    const run = new Run(scene, layout, story);
     run.append(floatsOfBase64(rows));
     page.badge(name);
     page.load(run);

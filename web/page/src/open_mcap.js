@@ -10,7 +10,7 @@ const PIECE = 4 << 20; // bytes given to the reader at a time
 
 function layoutFor(joints, contacts) {
   return [
-    ["time", 1], ["plan_time", 1], ["phase", 1], ["base", 7], ["q", joints], ["tau_low", joints],
+    ["time", 1], ["plan_time", 1], ["phase", 1], ["mode", 1], ["fault", 1], ["fault_joint", 1], ["base", 7], ["q", joints], ["tau_low", joints],
     ["tau_high", joints], ["force_obstacle", contacts], ["force_floor", contacts],
   ];
 }
@@ -31,7 +31,7 @@ class RowMaker {
     const { row, place } = this;
     row[place.time] = tick.time;
     row[place.plan_time] = tick.plan_time;
-    row[place.phase] = tick.phase;
+    for (const name of ["phase", "mode", "fault", "fault_joint"]) row[place[name]] = tick[name];
     const truth = (tick.flags & 1) !== 0;
     row.set(truth ? tick.base_position : [0, 0, 0.5], place.base);
     row.set(truth ? tick.base_orientation : [1, 0, 0, 0], place.base + 3);
@@ -64,31 +64,36 @@ async function readRecords(blob, take) {
 export async function openMcap(blob) {
   const schemas = new Map();
   const channels = new Map();
+  const story = { phases: [], modes: [], faults: [], events: [] };
   let scene;
   let run;
   let rows;
-  const take = {
+  const messages = {
+    "clamber/msg/Tick": (tick) => {
+      if (!scene) throw new Error("the recording says nothing of the robot's shape");
+      run ??= new Run(scene, layoutFor(tick.q.length, tick.force_obstacle.length), story);
+      rows ??= new RowMaker(run);
+      rows.add(tick);
+    },
+    "clamber/msg/Description": ({ phases, modes, faults }) =>
+      Object.assign(story, { phases: phases.map((phase) => phase.name), modes, faults }),
+    "clamber/msg/Event": (event) => story.events.push(event),
+  };
+  const records = {
     Metadata: (record) => {
       if (record.name === "clamber") scene = JSON.parse(record.metadata.get("scene") ?? "null");
     },
     Schema: (record) => schemas.set(record.id, record),
     Channel: (record) => {
       const schema = schemas.get(record.schemaId);
-      if (schema?.name !== "clamber/msg/Tick") return;
-      const text = new TextDecoder().decode(schema.data);
-      channels.set(record.id, new MessageReader(parse(text, { ros2: true })));
+      const take = messages[schema?.name];
+      if (!take) return;
+      const decoder = new MessageReader(parse(new TextDecoder().decode(schema.data), { ros2: true }));
+      channels.set(record.id, (data) => take(decoder.readMessage(data)));
     },
-    Message: (record) => {
-      const decoder = channels.get(record.channelId);
-      if (!decoder) return;
-      if (!scene) throw new Error("the recording says nothing of the robot's shape");
-      const tick = decoder.readMessage(record.data);
-      run ??= new Run(scene, layoutFor(tick.q.length, tick.force_obstacle.length));
-      rows ??= new RowMaker(run);
-      rows.add(tick);
-    },
+    Message: (record) => channels.get(record.channelId)?.(record.data),
   };
-  const cut = await readRecords(blob, (record) => take[record.type]?.(record));
+  const cut = await readRecords(blob, (record) => records[record.type]?.(record));
   if (!run) throw new Error("the file holds no run of Clamber");
   rows.finish();
   return { run, cut };

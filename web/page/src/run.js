@@ -4,6 +4,9 @@
 /** How long a live run is kept, in rows. */
 const MOST_ROWS = 30000;
 
+const NO_STORY = { phases: [], modes: [], faults: [], events: [] };
+const KINDS = ["mode", "fault", "phase", "plan", "telemetry"];
+
 /** Names and lengths of a row's parts -> where each begins. */
 function places(layout) {
   const at = {};
@@ -22,11 +25,13 @@ export function floatsOfBase64(text) {
 
 export class Run {
   /**
-   * @param scene robot, obstacle, phases: see report/scene_json.hpp
+   * @param scene robot, obstacle: see report/scene_json.hpp
    * @param layout [[name, length], ...] of a row: see web/view_rows.hpp
+   * @param story names and events: see web/story.hpp
    */
-  constructor(scene, layout) {
+  constructor(scene, layout, story = NO_STORY) {
     this.scene = scene;
+    this.story = story;
     this.layout = layout;
     ({ at: this.at, width: this.width } = places(layout));
     this.sizes = Object.fromEntries(layout);
@@ -36,7 +41,8 @@ export class Run {
   clear() {
     this.data = new Float32Array(this.width * 1024);
     this.rows = 0;
-    this.segments = []; // {phase, from, to}: rows of one phase
+    this.segments = []; // {value, from, to}: rows of one phase
+    this.faults = []; // likewise; 0: none
     this.peaks = new Float32Array(this.sizes.q); // N m, largest magnitude per joint
     this.changed = 0; // counts what cannot be drawn by adding
   }
@@ -71,12 +77,16 @@ export class Run {
   }
 
   takeIn(row) {
-    const phase = this.value(row, "phase");
-    const last = this.segments.at(-1);
-    if (last && last.phase === phase) last.to = row;
-    else this.segments.push({ phase, from: row, to: row });
+    this.extend(this.segments, row, this.value(row, "phase"));
+    this.extend(this.faults, row, this.value(row, "fault"));
     for (let j = 0; j < this.sizes.q; ++j)
       this.peaks[j] = Math.max(this.peaks[j], this.torque(row, j));
+  }
+
+  extend(segments, row, value) {
+    const last = segments.at(-1);
+    if (last?.value === value) last.to = row;
+    else segments.push({ value, from: row, to: row });
   }
 
   value(row, name, i = 0) {
@@ -108,7 +118,28 @@ export class Run {
   }
   phaseName(row) {
     const index = this.value(row, "phase");
-    return this.scene.phases?.[index]?.name ?? `phase ${index}`;
+    return this.story.phases[index] ?? `phase ${index}`;
+  }
+  modeName(row) {
+    const index = this.value(row, "mode");
+    return this.story.modes[index] ?? `mode ${index}`;
+  }
+  /** Which fault stands and where it was seen; "": none. */
+  faultText(row) {
+    const index = this.value(row, "fault");
+    if (index === 0) return "";
+    return (this.story.faults[index] ?? `fault ${index}`) + this.atJoint(this.value(row, "fault_joint"));
+  }
+  eventText({ time, kind, joint, text }) {
+    return `${time.toFixed(2)} s ${KINDS[kind] ?? "event"}: ${text}${this.atJoint(joint)}`;
+  }
+  /** The last event that is not later than `time`. */
+  eventAt(time) {
+    return this.story.events.findLast((event) => event.time <= time + 1e-4);
+  }
+  atJoint(joint) {
+    const name = this.scene.joints[joint]?.name;
+    return name ? ` at ${name}` : "";
   }
   sum(row, name) {
     let total = 0;

@@ -1,8 +1,12 @@
-// Phases of the plan over time and, below them, which contact link carries what.
+// Events and faults over time and, below them, the plan's phases and which contact link carries what.
+const EVENT_HEIGHT = 13;
 const PHASE_HEIGHT = 20;
 const ROW = 9;
 const LEFT = 56; // for the links' names
 const CARRIES = 2; // N
+const NEAR = 4; // pixels, of the pointer
+const EVENTS = ["#66717f", "#dd9a2b", "#c22f2f"]; // by severity
+const FAULT = "#f3c4c4";
 const PHASES = { swing: "#f2c38b", other: "#a9c4ea", unknown: "#d5dbe3" };
 
 export class Timeline {
@@ -25,17 +29,20 @@ export class Timeline {
     new ResizeObserver(() => this.redraw()).observe(canvas.parentElement);
   }
 
-  /** The phase under the pointer, in full: names are longer than their strips. */
-  explain(event) {
-    if (!this.run || this.run.rows === 0) return;
-    const share = (event.offsetX - LEFT) / (this.canvas.clientWidth - LEFT);
-    const time = this.run.start + share * (this.run.end - this.run.start);
-    this.canvas.title = this.run.phaseName(this.run.rowAt(time));
+  /** The phase under the pointer, in full, for names are longer than their strips; and events. */
+  explain({ offsetX }) {
+    const { run } = this;
+    if (!run || run.rows === 0) return;
+    const { clientWidth: width } = this.canvas;
+    const time = run.start + ((offsetX - LEFT) / (width - LEFT)) * (run.end - run.start);
+    const events = run.story.events.filter((event) => Math.abs(this.x(event.time, width) - offsetX) <= NEAR);
+    const texts = events.map((event) => run.eventText(event));
+    this.canvas.title = [run.phaseName(run.rowAt(time)), ...texts].join("\n");
   }
 
   load(run) {
     this.run = run;
-    this.canvas.style.height = `${PHASE_HEIGHT + run.scene.contacts.length * ROW + 6}px`;
+    this.canvas.style.height = `${EVENT_HEIGHT + PHASE_HEIGHT + run.scene.contacts.length * ROW + 6}px`;
     this.redraw();
   }
 
@@ -53,6 +60,8 @@ export class Timeline {
     paint.scale(scale, scale);
     paint.font = "11px system-ui, sans-serif";
     if (this.run.rows > 0) {
+      this.drawEvents(paint, width);
+      paint.translate(0, EVENT_HEIGHT);
       this.drawPhases(paint, width);
       this.run.scene.contacts.forEach((contact, c) => this.drawContact(paint, contact, c, width));
     }
@@ -64,6 +73,24 @@ export class Timeline {
     return LEFT + ((time - start) / Math.max(end - start, 1e-6)) * (width - LEFT);
   }
 
+  /** A band where a fault stands, a mark for every event; of two at one place the graver. */
+  drawEvents(paint, width) {
+    const { run } = this;
+    paint.fillStyle = FAULT;
+    for (const { value, from, to } of run.faults) {
+      if (value === 0) continue;
+      const left = this.x(run.time(from), width);
+      paint.fillRect(left, 1, Math.max(this.x(run.time(to), width) - left, 2), EVENT_HEIGHT - 2);
+    }
+    const shown = run.story.events.filter(({ time }) => time >= run.start && time <= run.end);
+    for (const { time, severity } of shown.sort((a, b) => a.severity - b.severity)) {
+      paint.fillStyle = EVENTS[severity] ?? EVENTS[0];
+      paint.fillRect(this.x(time, width) - 1, 2, severity > 0 ? 3 : 2, EVENT_HEIGHT - 4);
+    }
+    paint.fillStyle = "#66717f";
+    paint.fillText("event", 4, EVENT_HEIGHT - 3);
+  }
+
   drawPhases(paint, width) {
     const { run } = this;
     for (const { from, to } of run.segments) {
@@ -72,7 +99,7 @@ export class Timeline {
       const right = this.x(run.time(Math.min(to + 1, run.rows - 1)), width);
       paint.fillStyle = name.startsWith("swing")
         ? PHASES.swing
-        : run.scene.phases?.length
+        : run.story.phases.length
           ? PHASES.other
           : PHASES.unknown;
       paint.fillRect(left, 2, Math.max(right - left - 1, 1), PHASE_HEIGHT - 4);

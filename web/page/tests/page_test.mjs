@@ -3,7 +3,7 @@
 // pixel. Usage: page_test.mjs CLAMBER CLIMB_FOLDER
 import assert from "node:assert/strict";
 import { spawn, spawnSync } from "node:child_process";
-import { existsSync, mkdtempSync, readFileSync, rmSync, statSync, truncateSync } from "node:fs";
+import { existsSync, mkdtempSync, readFileSync, rmSync, statSync, truncateSync, writeFileSync } from "node:fs";
 import { request } from "node:http";
 import { connect } from "node:net";
 import { tmpdir } from "node:os";
@@ -55,18 +55,19 @@ async function stop(child, signal = "SIGTERM") {
   children.delete(child);
 }
 
-/** Shares of the picture that are wood, blue, orange and violet or green arrows. */
-async function colours(page) {
-  const png = (await page.locator("#scene").screenshot()).toString("base64");
+/** Shares of the picture that are wood, blue, orange, violet or green arrows, the red of a fault. */
+async function colours(page, part = "#scene") {
+  const png = (await page.locator(part).screenshot()).toString("base64");
   return page.evaluate(async (data) => {
     const image = await createImageBitmap(await (await fetch(`data:image/png;base64,${data}`)).blob());
     const paint = new OffscreenCanvas(image.width, image.height).getContext("2d");
     paint.drawImage(image, 0, 0);
     const { data: bytes } = paint.getImageData(0, 0, image.width, image.height);
-    const count = { wood: 0, blue: 0, orange: 0, violet: 0, green: 0 };
+    const count = { wood: 0, blue: 0, orange: 0, violet: 0, green: 0, red: 0 };
     for (let i = 0; i < bytes.length; i += 4) {
       const [r, g, b] = bytes.subarray(i, i + 3);
-      if (b > r + 50 && b > g + 25 && r < 0.8 * g) count.blue += 1;
+      if (r > 170 && g < 80 && b < 80) count.red += 1;
+      else if (b > r + 50 && b > g + 25 && r < 0.8 * g) count.blue += 1;
       else if (r > 1.5 * g && r > 2 * b) count.orange += 1;
       else if (r > g + 15 && g > b + 15) count.wood += 1;
       else if (r > g + 30 && b > g + 50) count.violet += 1;
@@ -79,6 +80,17 @@ async function colours(page) {
 
 const number = (page, id) => page.locator(`#${id}`).textContent();
 const rows = async (page) => Number(await page.evaluate(() => document.body.dataset.rows ?? 0));
+
+/** What the page says of the run at the time that it shows. */
+async function told(page) {
+  const texts = {};
+  for (const id of ["worst", "phase", "mode", "fault", "event"]) texts[id] = await number(page, id);
+  assert.doesNotMatch(texts.phase, /^phase \d/, "a phase has a name");
+  assert.match(texts.mode, /^(moving to start|executing|holding)/);
+  assert.equal(texts.fault, "");
+  assert.match(texts.event, /^\d+\.\d\d s (plan|mode|phase): /);
+  return texts;
+}
 
 async function scrub(page, time) {
   const before = await page.evaluate(() => Number(document.getElementById("scene").dataset.pictures ?? 0));
@@ -123,9 +135,22 @@ async function embedded(browser) {
   assert.notEqual(early.hash, late.hash, "scrubbing changes the picture");
   assert.notEqual(early.phase, late.phase, "scrubbing changes the phase");
   await scrub(page, 10);
-  const at10 = { worst: await number(page, "worst"), phase: await number(page, "phase") };
+  const at10 = await told(page);
+  assert.match(at10.event, /s phase: phase \d+: \w/);
+  assert.ok((await colours(page, "#timeline")).share.red < 1e-5, "no fault on the timeline");
   assert.deepEqual(page.requests.filter((each) => !each.startsWith("data:")), [url], "nothing is fetched");
   assert.deepEqual(page.errors, []);
+
+  // The same with an event that it did not have.
+  const text = readFileSync(join(climb, "climb.html"), "utf8");
+  const fault = '{"time":7.5,"kind":1,"severity":2,"joint":0,"text":"tracking error"}';
+  const troubled = join(folder, "troubled.html");
+  writeFileSync(troubled, text.replace(/"events":\[.*?\]/, `"events":[${fault}]`));
+  await page.goto(pathToFileURL(troubled).href);
+  await until("rows", async () => (await rows(page)) > 500);
+  await scrub(page, 10);
+  assert.match(await number(page, "event"), /^7\.50 s fault: tracking error at \w+$/);
+  assert.ok((await colours(page, "#timeline")).share.red > 1e-5, "a fault on the timeline");
   await page.close();
   return at10;
 }
@@ -141,8 +166,7 @@ async function recorded(browser, expected) {
   await until(() => number(page, "status"), async () => (await rows(page)) > 500);
   assert.match(await number(page, "status"), /end is missing/);
   await scrub(page, 10);
-  const found = { worst: await number(page, "worst"), phase: await number(page, "phase") };
-  assert.deepEqual(found, expected, "a recording shows what the embedded run shows");
+  assert.deepEqual(await told(page), expected, "a recording shows what the embedded run shows");
   showsTheRobot(await colours(page));
 
   await page.goto(`http://127.0.0.1:${port}/?file=http://192.0.2.1/run.mcap`);
@@ -187,6 +211,7 @@ async function live(browser, robot) {
   const recorder = start("record", "-o", join(folder, "live.mcap"), "--duration", "1");
   await until(() => robot.text + server.child.text, async () => (await rows(page)) > 50);
   assert.equal(await number(page, "source"), "live");
+  await told(page);
   // Browsers that never read.
   const before = memory(server.child);
   const stalled = Array.from({ length: 4 }, () => {
@@ -213,6 +238,7 @@ async function live(browser, robot) {
   await until(() => number(other, "status"), async () => (await number(other, "source")) === "live.mcap");
   assert.equal(await number(other, "status"), "", "a whole recording");
   assert.ok((await rows(other)) > 35);
+  await told(other); // with names and events of before the recorder came
   await other.close();
 
   await stop(server.child, "SIGKILL");
