@@ -247,6 +247,10 @@ std::string describe(const PlanningResult& result, const RobotModel& model,
 }
 
 Backend read_backend(const std::string& hal_file) {
+  if (hal_file == "ode" || hal_file == "socketcan")
+    throw InputError("--hal " + hal_file + ": expected a file that says which drives are where: " +
+                     (hal_file == "ode" ? "configs/hal/ode.yaml"
+                                        : "configs/hal/coman_mit.yaml or coman_cia402.yaml"));
   const YamlNode root = YamlNode::load(find_file(hal_file));
   root.allow_only({"hal"});
   const YamlNode hal = root.at("hal");
