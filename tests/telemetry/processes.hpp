@@ -3,10 +3,13 @@
 
 #include <fcntl.h>
 #include <spawn.h>
+#include <sys/socket.h>
+#include <sys/un.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <csignal>
+#include <cstddef>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -19,10 +22,21 @@ extern char** environ;
 
 namespace clamber::test {
 
-// Domains whose ports stay below Linux's ephemeral ones; the process id keeps parallel runs apart.
+/// A DDS domain that no other test has while this process lives: an abstract socket of its name is
+/// held until then. Its ports stay below Linux's ephemeral ones.
 inline int next_domain() {
-  static int domain = static_cast<int>(getpid());
-  return 1 + ++domain % 100;
+  static int domain = 0;
+  while (++domain <= 96) {  // tests/deploy/story and tests/vcan/deploy have the next two
+    const std::string name = "clamber-test-domain-" + std::to_string(domain);
+    sockaddr_un address{};
+    address.sun_family = AF_UNIX;
+    name.copy(address.sun_path + 1, name.size());
+    const int held = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + name.size());
+    if (bind(held, reinterpret_cast<const sockaddr*>(&address), size) == 0) return domain;
+    close(held);
+  }
+  throw std::runtime_error("no DDS domain is free for a test");
 }
 
 /// Another process with its standard output in a file.
