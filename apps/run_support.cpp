@@ -109,13 +109,14 @@ std::unique_ptr<InputLogWriter> log_inputs(const std::string& file, const RobotM
 StopGuard::StopGuard()
     : interrupt_before_(std::signal(SIGINT, request_stop)),
       terminate_before_(std::signal(SIGTERM, request_stop)) {
-  if (stop_guards++ == 0) stop_requested = false;
+  ++stop_guards;
 }
 
 StopGuard::~StopGuard() {
-  --stop_guards;
   std::signal(SIGINT, interrupt_before_);
   std::signal(SIGTERM, terminate_before_);
+  // Here, not when the next one begins: a signal may come as soon as it listens.
+  if (--stop_guards == 0) stop_requested = false;
 }
 
 const std::atomic<bool>* StopGuard::flag() const noexcept { return &stop_requested; }

@@ -25,6 +25,8 @@ namespace {
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
+constexpr std::chrono::seconds kStopTimeout{30};  // TimeoutStopSec
+
 volatile sig_atomic_t restart_asked = 0;
 volatile sig_atomic_t stop_asked = 0;
 
@@ -65,8 +67,19 @@ class Manager {
   }
 
   void start_service() {
+    // Until it has become the service, the child has this program's handlers: a SIGTERM meant for the
+    // service would set a flag that nobody reads and be lost.
+    sigset_t ours;
+    sigset_t before;
+    sigemptyset(&ours);
+    sigaddset(&ours, SIGTERM);
+    sigaddset(&ours, SIGHUP);
+    sigprocmask(SIG_BLOCK, &ours, &before);
     child_ = fork();
     if (child_ == 0) {
+      signal(SIGTERM, SIG_DFL);
+      signal(SIGHUP, SIG_DFL);
+      sigprocmask(SIG_SETMASK, &before, nullptr);
       prctl(PR_SET_PDEATHSIG, SIGKILL);
       setenv("NOTIFY_SOCKET", (folder_ / "notify.sock").c_str(), 1);
       setenv("WATCHDOG_USEC", std::to_string(static_cast<long>(1e6 * watchdog_)).c_str(), 1);
@@ -76,6 +89,7 @@ class Manager {
       execv(command_[0], command_);
       _exit(127);
     }
+    sigprocmask(SIG_SETMASK, &before, nullptr);
     ready_ = false;
     pings_ = 0;
     note("started");
@@ -84,7 +98,15 @@ class Manager {
   void stop_service() {
     if (child_ == 0) return;
     kill(child_, SIGTERM);
-    waitpid(child_, nullptr, 0);
+    const Clock::time_point told = Clock::now();
+    while (waitpid(child_, nullptr, WNOHANG) == 0) {
+      usleep(5'000);
+      if (Clock::now() - told < kStopTimeout) continue;
+      note("stop timeout");
+      kill(child_, SIGKILL);
+      waitpid(child_, nullptr, 0);
+      break;
+    }
     child_ = 0;
     note("stopped");
   }
