@@ -124,7 +124,7 @@ void Flasher::try_slot(Slot slot, const SlotContent& content, const char* what) 
   store_.switch_to(slot);
   done("switched");
   try {
-    if (hooks_.restart) hooks_.restart();
+    restart();
     done("restarted");
     if (hooks_.gate) hooks_.gate(content.id);
     done("healthy");
@@ -150,7 +150,7 @@ void Flasher::give_up(Slot slot, const SlotContent& content, const std::string& 
   done(std::string("back from slot ") + to_string(slot));
   std::string after;
   try {
-    if (hooks_.restart) hooks_.restart();  // with nothing in use it only stops
+    restart();  // with nothing in use it only stops
   } catch (const std::exception& error) {
     after = std::string("; and then: ") + error.what();
   }
@@ -173,7 +173,7 @@ std::string Flasher::end_trial(FlashState& state) const {
     state.history.push_back(event("interrupted", *content, "a flash that did not come to its end"));
   store_.save_state(state);
   try {
-    if (switched && state.committed && hooks_.restart) hooks_.restart();
+    if (switched && state.committed) restart();
   } catch (const std::exception& error) {
     done(error.what());  // the slots are right again, which is what this is about
   }
@@ -189,6 +189,16 @@ void Flasher::require_unarmed() const {
   if (!state.empty())
     throw JobFailed("the drives have torque (" + state + "): `clamber disarm` first");
   done("drives are off");
+}
+
+void Flasher::restart() const {
+  if (!hooks_.restart) return;
+  // Somebody may have armed what is on trial: it would fall.
+  const std::string state = hooks_.armed ? hooks_.armed() : std::string();
+  if (!state.empty())
+    throw JobFailed("not restarted, the drives have torque (" + state +
+                    "): `clamber disarm`, then restart it");
+  hooks_.restart();
 }
 
 void Flasher::require_acceptable(const Bundle& bundle, const FlashState& state,

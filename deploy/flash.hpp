@@ -49,6 +49,8 @@ class Flasher {
  private:
   void done(const std::string& step) const;
   void require_unarmed() const;
+  /// @throws JobFailed when the drives have torque, or what the hook throws
+  void restart() const;
   void require_acceptable(const Bundle& bundle, const FlashState& state,
                           const FlashOptions& options) const;
   void require_room(const Manifest& manifest) const;

@@ -67,8 +67,8 @@ class Manager {
   }
 
   void start_service() {
-    // Until it has become the service, the child has this program's handlers: a SIGTERM meant for the
-    // service would set a flag that nobody reads and be lost.
+    // Until it has become the service, the child has this program's handlers: a SIGTERM meant for
+    // the service would set a flag that nobody reads and be lost.
     sigset_t ours;
     sigset_t before;
     sigemptyset(&ours);

@@ -56,7 +56,7 @@ TEST_F(FlashTest, HooksAreAskedInOrderAndFromTheRightPlace) {
     EXPECT_TRUE(state().trial);
   };
   flash("v1");
-  EXPECT_THAT(asked, ElementsAre("armed", "preflight", "armed", "restart", "gate"));
+  EXPECT_THAT(asked, ElementsAre("armed", "preflight", "armed", "armed", "restart", "gate"));
 }
 
 TEST_F(FlashTest, ADryRunChangesNothing) {
@@ -87,6 +87,24 @@ TEST_F(FlashTest, AskedAgainBeforeTheSlotIsTaken) {
   EXPECT_THAT([&] { flash("v3"); }, ThrowsMessage<JobFailed>(HasSubstr("holding")));
   EXPECT_EQ(world.in_use(), "v2");
   EXPECT_EQ(FlashWorld::complete_version(world.root() / "opt/clamber/slots/a"), "v1");
+}
+
+// Somebody arms what is on trial, and then it fails: taken back, but not while it carries a robot.
+TEST_F(FlashTest, WhatHasTorqueIsNotRestarted) {
+  flash("v1");
+  bool armed = false;
+  int restarts = 0;
+  hooks.restart = [&] { ++restarts; };
+  hooks.gate = [&](const std::string&) {
+    armed = true;
+    throw JobFailed("a joint is not heard");
+  };
+  hooks.armed = [&] { return armed ? std::string("executing") : std::string(); };
+  EXPECT_THAT([&] { flash("v2"); }, ThrowsMessage<JobFailed>(AllOf(
+                                        HasSubstr("back to testbot v1; and then: not restarted"),
+                                        HasSubstr("torque (executing)"))));
+  EXPECT_EQ(world.in_use(), "v1");
+  EXPECT_EQ(restarts, 1);
 }
 
 TEST_F(FlashTest, AFailedPreflightLeavesBothSlots) {
