@@ -238,7 +238,7 @@ int run(int argc, char** argv) {
     std::fprintf(stderr, "mutations: the plan's own certificate is not valid\n");
     return 2;
   }
-  mutations.bits(count / 5);  // three files each: 60 %
+  mutations.bits(count * 21 / 100);  // three files each: 63 %
   mutations.joints(count / 5);
   mutations.contacts(count / 20);
   mutations.base(count / 50);

@@ -21,6 +21,7 @@ if (!existsSync(browserFile)) {
 const folder = mkdtempSync(join(tmpdir(), "clamber_page_"));
 const domain = String(110 + (process.pid % 100)); // of its own, beside other tests
 const environment = { ...process.env, CLAMBER_DDS_DOMAIN: domain };
+const operator = join(folder, "operator.sock");
 const children = new Set();
 
 function start(...given) {
@@ -40,6 +41,12 @@ async function until(what, check, most = 30000) {
     assert.ok(Date.now() < end, `within ${most} ms: ${typeof what === "function" ? await what() : what}`);
     await new Promise((resolve) => setTimeout(resolve, 50));
   }
+}
+
+/** Says so to the robot, as its operator. */
+async function tell(robot, command) {
+  await until(() => `${command}: ${robot.text}`,
+              () => spawnSync(clamber, [command, "--socket", operator]).status === 0);
 }
 
 /** Starts `clamber web`. @returns the child, its address and its port */
@@ -86,7 +93,7 @@ async function told(page) {
   const texts = {};
   for (const id of ["worst", "phase", "mode", "fault", "event"]) texts[id] = await number(page, id);
   assert.doesNotMatch(texts.phase, /^phase \d/, "a phase has a name");
-  assert.match(texts.mode, /^(moving to start|executing|holding)/);
+  assert.match(texts.mode, /^(moving to start|executing|paused|holding)/);
   assert.equal(texts.fault, "");
   assert.match(texts.event, /^\d+\.\d\d s (plan|mode|phase): /);
   return texts;
@@ -208,8 +215,11 @@ async function live(browser, robot) {
   let server = await serve("--port", "0");
   const page = await opened(browser);
   await page.goto(server.address);
+  await tell(robot, "arm");
+  await tell(robot, "start");
   const recorder = start("record", "-o", join(folder, "live.mcap"), "--duration", "1");
   await until(() => robot.text + server.child.text, async () => (await rows(page)) > 50);
+  await tell(robot, "pause"); // which lasts however slow this machine is; frames go on
   assert.equal(await number(page, "source"), "live");
   await told(page);
   // Browsers that never read.
@@ -269,8 +279,8 @@ try {
     return result;
   };
   const at10 = await part("climb.html", () => embedded(browser));
-  // It needs seconds to start, and lasts for fifty.
-  const robot = start("run", join(climb, "plan.json"), "--realtime", "-o", join(folder, "run.log"));
+  const robot = start("run", join(climb, "plan.json"), "--realtime", "-o", join(folder, "run.log"),
+                      "--operator", operator);  // needs seconds to start
   await part("recording", () => recorded(browser, at10));
   await part("live", () => live(browser, robot));
 } finally {
