@@ -18,6 +18,14 @@ constexpr Placement kPlacements[] = {{0.0, 0.0},   {0.0, 0.04},   {0.03, 0.0}, {
                                      {-0.03, 0.0}, {-0.03, 0.04}, {0.06, 0.0}, {0.06, 0.04},
                                      {-0.06, 0.0}, {0.1, 0.0},    {-0.1, 0.0}};
 
+/// How far the centre of mass gets over the contacts that stay is theirs to say, hardly the next
+/// place's. A weight shift that falls so short is not tried with less margin, after two such not
+/// for further places, and after four, over other places before, the attempt ends: other places it
+/// is.
+constexpr double kFarOff = 0.015;  // m
+constexpr int kMostFarOff = 2;
+constexpr int kMostFarOffInAll = 4;
+
 /// Ways of swinging, the plain one first. A limb that only reaches out leaves no support: for it
 /// the height is all there is to choose.
 std::vector<SwingWay> ways_for(const Move& move, const SearchSettings& settings) {
@@ -198,8 +206,8 @@ bool MotionSearch::go_on(std::size_t index, const std::vector<Stretch>& stretche
 
 /// Makes the move to this keyframe in one way or another and, where that works, the rest of the
 /// climb after it.
-bool MotionSearch::try_keyframe(std::size_t index, const TouchKeyframe& keyframe,
-                                const Node& node) {
+bool MotionSearch::try_keyframe(std::size_t index, const TouchKeyframe& keyframe, const Node& node,
+                                int& far_off) {
   const Move& move = (*moves_)[index];
   const double least = settings_.search.support_margin, wanted = settings_.search.wanted_margin;
   for (const double margin : {wanted, 0.5 * (wanted + least)}) {
@@ -213,6 +221,11 @@ bool MotionSearch::try_keyframe(std::size_t index, const TouchKeyframe& keyframe
       }
       if (!rejection.why.empty()) {
         reject(index, rejection);
+        if (rejection.shortfall > kFarOff) {
+          ++far_off;
+          ++far_off_;
+          return false;
+        }
         continue;
       }
     }
@@ -275,6 +288,9 @@ void MotionSearch::settle(const Node& node) {
 }
 
 bool MotionSearch::used_up(std::size_t index) {
+  if (far_off_ >= kMostFarOffInAll) {
+    return true;
+  }
   if (result_.candidates_tried < settings_.search.most_candidates) {
     return false;
   }
@@ -297,9 +313,13 @@ bool MotionSearch::descend(std::size_t index, const Node& node) {
   }
   const ContactSet supports = without(node.contacts, move.lifts);
   const ObstacleBox& box = scenario_.obstacles[static_cast<std::size_t>(move.surface)];
+  int far_off = 0;
   for (const Placement& placement : kPlacements) {
     if (used_up(index)) {
       return false;
+    }
+    if (far_off >= kMostFarOff) {
+      break;
     }
     if (placement.inward != 0.0 && move.lands.size() != 1) {
       continue;  // a pair keeps its width: it is what the support region lives on
@@ -318,7 +338,7 @@ bool MotionSearch::descend(std::size_t index, const Node& node) {
         move.state, node.x, supports, wanted, move.completes_limb, move.surface, move.hint);
     if (!keyframe.problem.empty()) {
       reject(index, {names_of(model_, move.lands) + ": " + keyframe.problem, keyframe.shortfall});
-    } else if (try_keyframe(index, keyframe, node)) {
+    } else if (try_keyframe(index, keyframe, node, far_off)) {
       return true;
     }
   }
@@ -329,6 +349,7 @@ bool MotionSearch::descend(std::size_t index, const Node& node) {
 SearchResult MotionSearch::run(const Configuration& start, const std::vector<Move>& moves,
                                const Progress& progress) {
   result_ = {};
+  far_off_ = 0;
   progress_ = progress;
   moves_ = &moves;
   result_.success = descend(0, standing_at(model_, scenario_, start));

@@ -50,8 +50,9 @@ class MotionSearch {
 
  private:
   [[nodiscard]] bool descend(std::size_t index, const Node& node);
+  /// @param far_off  counts weight shifts that fell far short
   [[nodiscard]] bool try_keyframe(std::size_t index, const TouchKeyframe& keyframe,
-                                  const Node& node);
+                                  const Node& node, int& far_off);
   [[nodiscard]] bool go_on(std::size_t index, const std::vector<Stretch>& stretches,
                            const TouchKeyframe& keyframe, const Node& node);
   [[nodiscard]] bool is_there_already(const Move& move, const Node& node) const;
@@ -77,6 +78,7 @@ class MotionSearch {
   const std::vector<Move>* moves_ = nullptr;
   Progress progress_;
   SearchResult result_;
+  int far_off_ = 0;  ///< weight shifts that fell far short
 };
 
 }  // namespace clamber
