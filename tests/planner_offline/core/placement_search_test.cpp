@@ -5,6 +5,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "tests/planner_offline/core/core_fixture.hpp"
 
 namespace clamber {
@@ -62,6 +64,25 @@ TEST(PlacementSearch, EndsWhenTheCandidatesAreUsedUp) {
   EXPECT_FALSE(found.best.success);
   EXPECT_EQ(found.attempts, 1U);
   EXPECT_THAT(found.given_up, testing::HasSubstr("share of search.most_candidates_in_all"));
+}
+
+/// m between the places of the links that land first, a hand on each side.
+double width(const SearchResult& climb) {
+  double least = 0.0, most = 0.0;
+  for (const auto& [link, position] : climb.keyframes.front().positions) {
+    least = std::min(least, position.y());
+    most = std::max(most, position.y());
+  }
+  return most - least;
+}
+
+TEST(PlacementSearch, TriesHandsFartherApartAndNearerTogether) {
+  std::vector<double> widths;
+  (void)search([&](const SearchResult& climb) { return widths.push_back(width(climb)), "go on"; },
+               11);
+  ASSERT_FALSE(widths.empty());
+  EXPECT_THAT(widths, testing::Contains(testing::Lt(widths.front() - 0.02)));
+  EXPECT_THAT(widths, testing::Contains(testing::Gt(widths.front() + 0.02)));
 }
 
 TEST(PlacementSearch, ComesToTheSameResultEveryTime) {
