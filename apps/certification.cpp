@@ -67,8 +67,7 @@ Certification certify_plan_file(const std::string& plan_file, const std::string&
   return verify_plan_file(plan_file, certificate_file, model, scenario, margins);
 }
 
-std::string why_not_certified(const Plan& plan, const RobotModel& model, const Scenario& scenario,
-                              std::vector<CertifiedFor>& certified_for,
+std::string why_not_certified(Plan& plan, const RobotModel& model, const Scenario& scenario,
                               const std::string& margins) {
   const PlannedMotion motion(format_plan(plan), "the plan found", model, scenario);
   const Acceptance acceptance = load_acceptance(find_file(margins));
@@ -76,9 +75,9 @@ std::string why_not_certified(const Plan& plan, const RobotModel& model, const S
   const VerifyReport report =
       verify(motion, certificate, model, scenario, acceptance, {.all = false});
   if (!report.valid) return "not certified: " + report.reason;
-  certified_for.clear();
+  plan.certified_for.clear();
   for (const HeldUncertainty& held : held_uncertainty(certificate))
-    certified_for.push_back({held.what, held.unit, held.stated, held.holds});
+    plan.certified_for.push_back({held.what, held.unit, held.stated, held.holds});
   return "";
 }
 

@@ -27,11 +27,10 @@ struct Certification {
                                               const RobotModel& model, const Scenario& scenario,
                                               const std::string& margins = kDefaultMargins);
 
-/// Why a plan would get no valid certificate, found without files; empty: it would, and for what
-/// uncertainty goes to `certified_for`.
-[[nodiscard]] std::string why_not_certified(const Plan& plan, const RobotModel& model,
+/// Why a plan would get no valid certificate, found without files; empty: it would, and the plan
+/// says for what uncertainty.
+[[nodiscard]] std::string why_not_certified(Plan& plan, const RobotModel& model,
                                             const Scenario& scenario,
-                                            std::vector<CertifiedFor>& certified_for,
                                             const std::string& margins = kDefaultMargins);
 
 /// Verifies a plan file against its certificate.

@@ -119,16 +119,10 @@ PlanningResult plan_or_leave_log(const RobotModel& model, const Scenario& scenar
                                  const ContactSequence* sequence, const PlannerSettings& settings,
                                  const PlanFiles& files, Progress& progress) {
   const auto show = [&](double share, const std::string& what) { progress.update(share, what); };
-  std::vector<CertifiedFor> certified_for;  // the plan that was found last
-  const auto check = [&](const Plan& plan) {
-    return why_not_certified(plan, model, scenario, certified_for);
-  };
+  const auto check = [&](Plan& plan) { return why_not_certified(plan, model, scenario); };
   try {
-    PlanningResult result = sequence != nullptr
-                                ? plan_climb(model, scenario, *sequence, settings, show, check)
-                                : plan_without_recording(model, scenario, settings, show, check);
-    result.plan.certified_for = certified_for;
-    return result;
+    return sequence != nullptr ? plan_climb(model, scenario, *sequence, settings, show, check)
+                               : plan_without_recording(model, scenario, settings, show, check);
   } catch (const PlanningFailed& error) {
     progress.clear();
     if (error.log() == nullptr) throw;

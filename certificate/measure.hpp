@@ -106,10 +106,18 @@ class Measure {
   // What an uncertain world leaves (measure_uncertainty.cpp).
   void measure_height_and_start(TouchMask mask, Measured& out) const noexcept;
   void measure_tilt(Measured& out) const noexcept;
+  [[nodiscard]] Eigen::Vector2d lever(const Eigen::Vector3d& p, const Eigen::Vector2d& extent,
+                                      const InflatedCore& box) const noexcept;
+  [[nodiscard]] Eigen::Vector2d displaced(double share,
+                                          const Eigen::Vector2d& lever) const noexcept;
+  [[nodiscard]] double place_held(const Eigen::Vector3d& p, double lost,
+                                  int surface) const noexcept;
+  // Single masses wrong (measure_masses.cpp).
+  struct MassAnswer;
   void measure_masses(TouchMask mask, PointForces forces, Measured& out) const noexcept;
-  [[nodiscard]] double mass_held(TouchMask mask, PointForces forces,
-                                 double (*weighting)(double slack)) const noexcept;
-  [[nodiscard]] double start_displacement(const Eigen::Vector3d& p, double reach) const noexcept;
+  [[nodiscard]] bool press_vertically(MassAnswer& answer) const noexcept;
+  [[nodiscard]] bool change_least(PointForces forces, MassAnswer& answer) const noexcept;
+  [[nodiscard]] double mass_held(TouchMask mask, const MassAnswer& answer) const noexcept;
   [[nodiscard]] Eigen::Vector2d zero_moment_point() const noexcept;
   [[nodiscard]] double edge_distance(const Eigen::Vector3d& p, int surface) const noexcept;
 

@@ -214,12 +214,28 @@ class Planning {
   double writing_ = 0.0, checking_ = 0.0;  // s
 };
 
+/// What the plan does not hold for although it is stated; empty: nothing.
+std::string less_than_stated(const Plan& plan) {
+  if (plan.certified_for.empty()) return "not certified for anything (search.as_stated)";
+  std::string out;
+  for (const CertifiedFor& row : plan.certified_for) {
+    if (row.holds >= row.stated) continue;
+    char text[120];
+    std::snprintf(text, sizeof text, "%s%s %.3g of %.3g %s",
+                  out.empty() ? "holds for less than is stated: " : ", ", row.what.c_str(),
+                  row.holds, row.stated, row.unit.c_str());
+    out += text;
+  }
+  return out;
+}
+
 /// Writes the plan of the stretches (none: of standing at the start) and has it checked; why it
 /// does not do, empty: it does.
 std::string Planning::written(const std::vector<Stretch>& stretches) {
   const Stopwatch write_time;
   Plan plan = header_;
-  PlanWriter writer(model_, scenario_, clearance_, settings_, plan);
+  const Clearance clearance(model_, scenario_, where_it_is(settings_.clearance));
+  PlanWriter writer(model_, scenario_, clearance, settings_, plan);
   try {
     write_keyframes(writer,
                     stretches.empty()
@@ -231,7 +247,8 @@ std::string Planning::written(const std::vector<Stretch>& stretches) {
   }
   writing_ += write_time.seconds();
   const Stopwatch check_time;
-  const std::string why = check_ ? check_(plan) : "";
+  std::string why = check_ ? check_(plan) : "";
+  if (why.empty() && settings_.search.as_stated) why = less_than_stated(plan);
   checking_ += check_time.seconds();
   if (why.empty()) {
     result_.plan = std::move(plan);
@@ -338,7 +355,8 @@ std::string no_climb_with(const char* what, double metres) {
   return text;
 }
 
-/// From the room that the uncertainty asks for to what a certificate just allows.
+/// From the room that the uncertainty asks for to what a certificate just allows. With less room
+/// no climb holds for what is stated.
 std::vector<Try> tries(PlannerSettings settings) {
   std::vector<Try> out;
   const auto add_wide = [&](std::string failed) -> PlannerSettings& {
@@ -347,13 +365,14 @@ std::vector<Try> tries(PlannerSettings settings) {
         std::min(settings.search.wide_attempts, settings.search.most_attempts);
     return out.back().settings;
   };
-  if (settings.clearance.elsewhere.any()) {
+  if (settings.clearance.elsewhere.any() && !settings.search.as_stated) {
     add_wide("No climb with room for an obstacle that is elsewhere.");
     settings.clearance.elsewhere = {};
   }
-  for (const double wide : settings.search.wide_clearances)
-    if (wide > settings.clearance.obstacle)
-      add_wide(no_climb_with("clearance", wide)).clearance.obstacle = wide;
+  if (!settings.clearance.elsewhere.any())
+    for (const double wide : settings.search.wide_clearances)
+      if (wide > settings.clearance.obstacle)
+        add_wide(no_climb_with("clearance", wide)).clearance.obstacle = wide;
   out.push_back({settings, no_climb_with("support margin", settings.search.support_margin)});
   if (settings.search.tight_margin < settings.search.support_margin) {
     out.push_back({settings, ""});

@@ -33,8 +33,9 @@ struct PlanningResult : PlanningLog {
 /// Called as the work goes on: share done (0..1) and what is being done.
 using PlanningProgress = std::function<void(double share, const std::string& what)>;
 
-/// Why a plan that was found does not do after all (it gets no certificate); empty: it does.
-using PlanCheck = std::function<std::string(const Plan&)>;
+/// Why a plan that was found does not do after all (it gets no certificate); empty: it does, and
+/// the plan says what it is certified for.
+using PlanCheck = std::function<std::string(Plan&)>;
 
 /// A plan without phases and keyframes: what it is made for and from.
 [[nodiscard]] Plan plan_header(const RobotModel& model, const Scenario& scenario,

@@ -35,6 +35,8 @@ struct SearchSettings {
   /// m to obstacle and floor, tried in turn before ClearanceSettings::obstacle: what another height
   /// of the obstacle and another start would take away. The first that gives a climb is taken.
   std::vector<double> wide_clearances = {0.020};
+  /// A climb whose certificate holds for less than is stated is refused, and the search goes on.
+  bool as_stated = false;
   std::size_t steady_attempts = 12;  ///< sets tried before a climb that is not steady is taken
   int most_steps = 400;           ///< inverse-kinematics steps of one motion before it is given up
   double support_margin = 0.012;  ///< m, CoM inside the support region

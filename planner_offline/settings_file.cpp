@@ -123,6 +123,7 @@ void read_keys(Section& section, SearchSettings& search) {
   section.count("most_candidates_in_all", search.most_candidates_in_all);
   section.count("wide_attempts", search.wide_attempts);
   section.positives("wide_clearances", search.wide_clearances);
+  section.flag("as_stated", search.as_stated);
   section.count("steady_attempts", search.steady_attempts);
   section.count("most_steps", search.most_steps);
   section.non_negative("support_margin", search.support_margin);

@@ -9,6 +9,8 @@ namespace clamber {
 namespace {
 
 constexpr double kIgnored = -1.0;  // m, margin of a pair that is meant to touch
+/// A link about to land may touch an obstacle that is elsewhere this far below its top, m.
+constexpr double kLandingEdge = 0.010;
 
 /// A capsule's ends and a box's corners too: one witness alone would leave rotation unconstrained
 /// where an edge runs parallel to the surface.
@@ -32,6 +34,11 @@ void add_witnesses(const Solid& solid, std::vector<Solid>& parts) {
 }
 
 }  // namespace
+
+ClearanceSettings where_it_is(ClearanceSettings settings) {
+  settings.elsewhere = {};
+  return settings;
+}
 
 void append(Inequalities& rows, const Eigen::RowVectorXd& C, double d) {
   const Eigen::Index n = rows.d.size();
@@ -62,27 +69,35 @@ double Clearance::margin_near_contact(int body) const {
   return links >= 2 ? settings_.lying : settings_.landing;
 }
 
-Solid Clearance::grown(const Solid& obstacle, const Solid& link) const noexcept {
-  const double radius = (link.X_WG.p - start_).head<2>().norm() + reach_of(link);
-  const double out =
-      settings_.elsewhere.position + 2.0 * std::sin(0.5 * settings_.elsewhere.yaw) * radius;
-  const double up = settings_.elsewhere.height;
+/// Turned about the start, a point moves along an axis by its lever across that axis, and by a
+/// little of the lever along it.
+Solid Clearance::grown(const Solid& obstacle, const Solid& link, double up) const noexcept {
+  const ObstacleElsewhere& elsewhere = settings_.elsewhere;
+  const Eigen::Matrix3d axes = obstacle.X_WG.R;
+  const Eigen::Vector3d lever =
+      (axes.transpose() * (link.X_WG.p - start_)).cwiseAbs() + extent_of(link, axes);
+  const auto out = [&](double across, double along) {
+    return elsewhere.position + elsewhere.yaw * (across + 0.5 * elsewhere.yaw * along);
+  };
   Solid box = obstacle;
-  box.half_extents += Eigen::Vector3d(out, out, 0.5 * up);
+  box.half_extents +=
+      Eigen::Vector3d(out(lever.y(), lever.x()), out(lever.x(), lever.y()), 0.5 * up);
   box.X_WG.p.z() += 0.5 * up;
   return box;
 }
 
-bool Clearance::is_to_touch(int geom, const ContactSet& contacts,
-                            const std::vector<int>& landing) const noexcept {
+Clearance::Role Clearance::role_of(int geom, const ContactSet& contacts,
+                                   const std::vector<int>& landing) const noexcept {
   const int body = model_.geoms[static_cast<std::size_t>(geom)].body;
   const auto is_of_body = [&](int link) {
     return model_.contacts[static_cast<std::size_t>(link)].body == body;
   };
-  return std::any_of(landing.begin(), landing.end(), is_of_body) ||
-         std::any_of(contacts.begin(), contacts.end(), [&](const Contact& contact) {
-           return contact.surface != kFloor && is_of_body(contact.link);
-         });
+  if (std::any_of(contacts.begin(), contacts.end(), [&](const Contact& contact) {
+        return contact.surface != kFloor && is_of_body(contact.link);
+      })) {
+    return Role::kRests;
+  }
+  return std::any_of(landing.begin(), landing.end(), is_of_body) ? Role::kLands : Role::kFree;
 }
 
 double Clearance::environment_margin(const RobotData& data, int geom, int surface,
@@ -138,45 +153,57 @@ void Clearance::find_near(const RobotData& data, const ContactSet& contacts,
       found.push_back({d, margin, model_.geoms[static_cast<std::size_t>(geom)].body, -1, geom, -1});
     }
   };
+  /// `obstacle`: the floor if null.
+  const auto look = [&](int geom, const Solid* obstacle, const auto& margin_of) {
+    const Solid& solid = solids[static_cast<std::size_t>(geom)];
+    if (obstacle != nullptr && distance_at_least(solid, *obstacle) > within) {
+      return;
+    }
+    const auto to_surface = [&](const Solid& s) {
+      return obstacle == nullptr ? distance_to_floor(s, 0.0) : signed_distance(s, *obstacle);
+    };
+    const Distance whole = to_surface(solid);
+    if (whole.value > within) {
+      return;
+    }
+    const double margin = margin_of();
+    if (margin == kIgnored) {
+      return;
+    }
+    consider(whole, margin, geom);
+    if (parts.empty()) {
+      add_witnesses(solid, parts);
+    }
+    for (const Solid& part : parts) {
+      const Distance d = to_surface(part);
+      // Often the end or corner is the nearest point itself: one row for it is enough.
+      constexpr double kSamePoint = 1e-9;
+      if (!d.on_a.isApprox(whole.on_a, kSamePoint)) {
+        consider(d, margin, geom);
+      }
+    }
+  };
   for (std::size_t g = 0; g < solids.size(); ++g) {
     const int geom = static_cast<int>(g);
     parts.clear();
+    const Role role = settings_.elsewhere.any() ? role_of(geom, contacts, landing) : Role::kRests;
     for (int surface = kFloor; surface < static_cast<int>(obstacles_.size()); ++surface) {
-      Solid obstacle;
-      bool elsewhere = false;
-      if (surface != kFloor) {
-        obstacle = obstacles_[static_cast<std::size_t>(surface)];
-        elsewhere = settings_.elsewhere.any() && !is_to_touch(geom, contacts, landing);
-        if (elsewhere) {
-          obstacle = grown(obstacle, solids[g]);
-        }
-        if (distance_at_least(solids[g], obstacle) > within) {
-          continue;
-        }
-      }
-      const auto to_surface = [&](const Solid& s) {
-        return surface == kFloor ? distance_to_floor(s, 0.0) : signed_distance(s, obstacle);
+      const auto margin = [&] {
+        return environment_margin(data, geom, surface, contacts, landing);
       };
-      const Distance whole = to_surface(solids[g]);
-      if (whole.value > within) {
+      const auto spare = [&] { return settings_.spare; };
+      if (surface == kFloor) {
+        look(geom, nullptr, margin);
         continue;
       }
-      const double margin =
-          elsewhere ? settings_.spare : environment_margin(data, geom, surface, contacts, landing);
-      if (margin == kIgnored) {
-        continue;
+      const Solid& obstacle = obstacles_[static_cast<std::size_t>(surface)];
+      if (role != Role::kFree) {
+        look(geom, &obstacle, margin);
       }
-      consider(whole, margin, geom);
-      if (parts.empty()) {
-        add_witnesses(solids[g], parts);
-      }
-      for (const Solid& part : parts) {
-        const Distance d = to_surface(part);
-        // Often the end or corner is the nearest point itself: one row for it is enough.
-        constexpr double kSamePoint = 1e-9;
-        if (!d.on_a.isApprox(whole.on_a, kSamePoint)) {
-          consider(d, margin, geom);
-        }
+      if (role != Role::kRests) {
+        const Solid box = grown(obstacle, solids[g],
+                                role == Role::kFree ? settings_.elsewhere.height : -kLandingEdge);
+        look(geom, &box, spare);
       }
     }
   }

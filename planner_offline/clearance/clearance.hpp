@@ -29,6 +29,9 @@ struct ClearanceSettings {
   double activation = 0.10;  ///< m, nearer pairs become rows of the inverse kinematics
 };
 
+/// The same for the obstacle where the plan has it.
+[[nodiscard]] ClearanceSettings where_it_is(ClearanceSettings settings);
+
 /// C dv >= d, the form the hierarchical QP takes.
 struct Inequalities {
   Eigen::MatrixXd C;
@@ -67,11 +70,13 @@ class Clearance {
   };
   void find_near(const RobotData& data, const ContactSet& contacts, const std::vector<int>& landing,
                  double within, std::vector<Near>& found) const;
-  /// The obstacle as links see it that shall not touch: grown by how far it may be elsewhere for
-  /// the farthest point of the link. What stays clear of that hits it nowhere in between.
-  [[nodiscard]] Solid grown(const Solid& obstacle, const Solid& link) const noexcept;
-  [[nodiscard]] bool is_to_touch(int geom, const ContactSet& contacts,
-                                 const std::vector<int>& landing) const noexcept;
+  /// What a link does with the obstacles. One that lands may meet one that is elsewhere from above.
+  enum class Role : unsigned char { kFree, kLands, kRests };
+  [[nodiscard]] Role role_of(int geom, const ContactSet& contacts,
+                             const std::vector<int>& landing) const noexcept;
+  /// The obstacle higher by `up`, and each side farther out by how far any point of the link may be
+  /// displaced towards it. What stays clear of that hits it nowhere in between.
+  [[nodiscard]] Solid grown(const Solid& obstacle, const Solid& link, double up) const noexcept;
   [[nodiscard]] double environment_margin(const RobotData& data, int geom, int surface,
                                           const ContactSet& contacts,
                                           const std::vector<int>& landing) const;

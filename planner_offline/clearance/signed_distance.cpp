@@ -237,10 +237,17 @@ Distance box_to_box(const Solid& a, const Solid& b) noexcept {
   return best;
 }
 
-}  // namespace
-
+/// Largest distance of a point of the solid from its centre, m.
 double reach_of(const Solid& s) noexcept {
   return s.shape == Shape::kBox ? s.half_extents.norm() : s.radius + 0.5 * s.length;
+}
+
+}  // namespace
+
+Eigen::Vector3d extent_of(const Solid& s, const Eigen::Matrix3d& axes) noexcept {
+  const Eigen::Matrix3d along = (axes.transpose() * s.X_WG.R).cwiseAbs();
+  if (s.shape == Shape::kBox) return along * s.half_extents;
+  return 0.5 * s.length * along.col(2) + Eigen::Vector3d::Constant(s.radius);
 }
 
 double distance_at_least(const Solid& a, const Solid& b) noexcept {

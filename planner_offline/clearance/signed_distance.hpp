@@ -35,8 +35,8 @@ struct Distance {
 /// to push out of contact.)
 [[nodiscard]] Distance signed_distance(const Solid& a, const Solid& b) noexcept;
 
-/// Largest distance of a point of the solid from its centre, m.
-[[nodiscard]] double reach_of(const Solid& solid) noexcept;
+/// Largest distance of a point of the solid from its centre along each of the axes (columns), m.
+[[nodiscard]] Eigen::Vector3d extent_of(const Solid& solid, const Eigen::Matrix3d& axes) noexcept;
 
 /// Some lower bound on signed_distance(a, b), cheap: what is farther apart need not be looked at.
 [[nodiscard]] double distance_at_least(const Solid& a, const Solid& b) noexcept;

@@ -86,6 +86,7 @@ class PlacementSearch {
   const RobotModel& model_;
   const Scenario& scenario_;
   const Clearance& clearance_;
+  Clearance resting_;  // to the obstacle where it is
   const PlannerSettings& settings_;
   const Configuration& start_;
   const std::vector<Move>& moves_;
@@ -111,6 +112,7 @@ PlacementSearch::PlacementSearch(const RobotModel& model, const Scenario& scenar
     : model_(model),
       scenario_(scenario),
       clearance_(clearance),
+      resting_(model, scenario, where_it_is(settings.clearance)),
       settings_(settings),
       start_(start),
       moves_(moves),
@@ -171,7 +173,7 @@ double PlacementSearch::steadiness(const std::vector<Stretch>& stretches) const 
   }
   // Shanks and feet that come to rest close to an edge end up on it when the joints sag.
   forward_kinematics(model_, stretches.back().path.back(), data);
-  const double gap = clearance_.report(data, stretches.back().contacts, {}).obstacle;
+  const double gap = resting_.report(data, stretches.back().contacts, {}).obstacle;
   constexpr double kRestingGap = 0.025;  // m
   constexpr double kEasyShare = 0.6;     // of a joint's torque limit
   constexpr double kPerShare = 0.03;     // m of margin that the whole limit more is worth

@@ -52,9 +52,9 @@ auto members(const ReferenceSettings& s) {
 }
 auto members(const SearchSettings& s) {
   const auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, t, u, v, w, x, y, z, wide,
-               tight, in_all] = s;
+               tight, in_all, stated] = s;
   return std::tuple(a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, t, u, v, w, x, y, z, wide,
-                    tight, in_all);
+                    tight, in_all, stated);
 }
 auto members(const TimingSettings& s) {
   const auto& [a, b, c, d, e] = s;

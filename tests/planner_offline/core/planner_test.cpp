@@ -327,6 +327,27 @@ TEST(Planner, AStartThatDoesNotDoIsRefusedBeforeAnythingIsSearched) {
   EXPECT_THAT(message, testing::HasSubstr("toes too near"));
 }
 
+TEST(Planner, APlanThatHoldsForLessThanIsStatedIsRefusedWhereThatIsAsked) {
+  PlannerSettings settings = quick();
+  settings.search.as_stated = true;
+  const auto message_for = [&](const std::vector<CertifiedFor>& rows) -> std::string {
+    try {
+      (void)plan_climb(coman(), box(), made_climb(), settings, no_progress, [&](Plan& plan) {
+        plan.certified_for = rows;
+        return std::string();
+      });
+    } catch (const PlanningFailed& e) {
+      return e.what();
+    }
+    return "no failure";
+  };
+  // Standing at the start is asked about first.
+  const CertifiedFor held{"obstacle height", "m", 0.01, 0.01};
+  EXPECT_THAT(message_for({held, {"start position", "m", 0.02, 0.013}}),
+              testing::HasSubstr("holds for less than is stated: start position 0.013 of 0.02 m"));
+  EXPECT_THAT(message_for({}), testing::HasSubstr("not certified for anything"));
+}
+
 TEST(Planner, ASequenceForAnotherRobotIsAnInputError) {
   ContactSequence sequence = made_climb();
   sequence.reduced[0].obstacle[0].link = "Tail";
