@@ -12,6 +12,7 @@ import { pathToFileURL } from "node:url";
 import { chromium } from "playwright-core";
 
 const SKIPPED = 77;
+const PATIENCE = 120000; // ms: of a machine that draws in software and does much else beside
 const [clamber, climb] = process.argv.slice(2);
 const browserFile = process.env.CHROMIUM ?? "/usr/bin/chromium";
 if (!existsSync(browserFile)) {
@@ -33,7 +34,7 @@ function start(...given) {
   return child;
 }
 
-async function until(what, check, most = 30000) {
+async function until(what, check, most = PATIENCE) {
   const end = Date.now() + most;
   for (;;) {
     const value = await check();
@@ -116,6 +117,7 @@ function showsTheRobot({ share }) {
 }
 
 async function opened(browser) {
+  page.setDefaultTimeout(PATIENCE);
   const page = await browser.newPage({ viewport: { width: 900, height: 640 } });
   page.requests = [];
   page.errors = [];
