@@ -117,8 +117,8 @@ function showsTheRobot({ share }) {
 }
 
 async function opened(browser) {
-  page.setDefaultTimeout(PATIENCE);
   const page = await browser.newPage({ viewport: { width: 900, height: 640 } });
+  page.setDefaultTimeout(PATIENCE);
   page.requests = [];
   page.errors = [];
   page.on("request", (each) => page.requests.push(each.url()));
