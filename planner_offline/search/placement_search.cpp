@@ -13,15 +13,15 @@
 namespace clamber {
 namespace {
 
-/// A knee has only half an arm's room: `share` of the search's step.
+/// A knee has only half an arm's room: `share` of the search's step. What helps most often first.
 struct Direction {
   double Placing::*member;
   double share;
 };
-constexpr Direction kDirections[] = {{&Placing::arms_forward, 1.0},
-                                     {&Placing::legs_inward, 0.5},
+constexpr Direction kDirections[] = {{&Placing::arms_apart, 1.0},
                                      {&Placing::last_side_back, 1.0},
-                                     {&Placing::arms_apart, 1.0},
+                                     {&Placing::arms_forward, 1.0},
+                                     {&Placing::legs_inward, 0.5},
                                      {&Placing::legs_forward, 0.5}};
 
 constexpr double kTrifle = 0.005;  // of a move's score: 1 mm of a failed move's shortfall
